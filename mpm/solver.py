@@ -1,43 +1,35 @@
 """The solver: bodies, colliders and walls on one grid, advanced by explicit MLS-MPM."""
 
-import math
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from mpm.adjusting import Adjustable
-from mpm.backend import check_owner, default_precision, is_shared, ti
-from mpm.boundaries.contact import cache_static_contact
-from mpm.boundaries.mobility_table import MobilityTable
-from mpm.errors import InvalidValue, SimulationDiverged
-from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, check_pose
-from mpm.gpu.stepper import count_parts, make_stepper
-from mpm.materials.stable_step import choose_step, material_bound
+from mpm.errors import InvalidValue
+from mpm.geometry.rigid_motion import Pose, Twist, Wrench, check_pose
+from mpm.materials.material import Material
 from mpm.observers import diagnostics
-from mpm.observers.counter_kernel import COUNTER_ROWS
-from mpm.observers.diagnostics import Momentum
-from mpm.observers.region_counter import MAX_READINGS, Counts, RegionCounter
+from mpm.observers.diagnostics import Diagnostics, Energy
+from mpm.observers.progress import Momentum
+from mpm.observers.readings import received
+from mpm.observers.region_counter import Counts, RegionCounter
 from mpm.observers.sample import Sample
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
-from mpm.scene.features import Contact, check_colliders, check_scene, choose_numerics, features_of
-from mpm.scene.grid import ROUNDING, Grid
-from mpm.scene.validation import check_finite, read_array
+from mpm.scene.grid import Grid
+from mpm.scene.scene import DOWN, Numerics, Scene, check_colliders
+from mpm.scene.validation import check_finite
 from mpm.scene.walls import Walls
 from mpm.scene.warnings import warn_of_colliders, warn_of_scene
-from mpm.state.fields import allocate_fields, fill_fields, scene_key
-from mpm.state.memory import check_memory
-from mpm.state.particles import SPEED_LIMIT
-from mpm.stepping.collider_paths import ColliderPaths
-from mpm.stepping.cpu import NOWHERE, UNDO
-from mpm.stepping.rollback import Rollback
-from mpm.stepping.sleep_thresholds import read_sleep
-from mpm.stepping.stride import Interval, choose_interval, longest_stride, split_launches
+from mpm.state.fields import Fields
+from mpm.state.particles import ParticleFields
+from mpm.stepping.core import Core
+from mpm.time_loop import TimeLoop
 
 
-class Solver(Adjustable):
+class Solver:
     """Explicit MLS-MPM solver of one scene: grid, bodies, colliders and walls.
 
+    - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
     - dt: substep [s]; None: 0.75 of the bound of an isolated particle; above 0.83 of it: TimeStepTooLarge. Substeps
       become smaller where a collider would move more than a quarter of a cell in one.
     - precision: "f32", "f64" or None (that of `init`).
@@ -47,85 +39,77 @@ class Solver(Adjustable):
       substep. "strides": 3 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
     - sleep: whether particles at rest sleep and cost nothing; a number: a factor on `mpm.stepping.sleep_thresholds`.
     - contact: solids stop all material within half a cell, "near", or only what lies at one of their faces, "touching".
-    - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
+
+    The last six are the fields of `numerics`. `readings` has further readings, `settings` further numbers that can be
+    set.
     """
 
     def __init__(
         self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
-        gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None, contact: Contact = "near",
-        dt: float | None = None, precision: str | None = None, integrator: str | None = None,
-        body_acceleration: np.ndarray | None = None, transfer_interval: Interval = None, sleep: bool | float = False,
+        gravity: tuple[float, float, float] = DOWN, walls: Walls | None = None,
+        body_acceleration: np.ndarray | None = None, **numerics: Any,
     ) -> None:
-        check_scene(grid, bodies, colliders, walls)
-        self.precision, self.integrator = choose_numerics(bodies, precision, integrator)
-        self.grid, self.bodies, self.colliders = grid, list(bodies), list(colliders or [])
-        self.walls = walls or Walls()
-        self.walls.check(grid)
-        self.gravity = check_finite("Solver: gravity", gravity, (3,))
-        warn_of_scene(grid, self.bodies, self.colliders, self.gravity)
-        self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
-        """Bound of an isolated particle [s]; `dt` is accepted up to `stable_step.ACCEPTED_FRACTION` of it."""
-        self.requested_dt, self.requested_interval, self.sleep = dt, transfer_interval, read_sleep(sleep)
-        self.dt = choose_step(dt, grid.cell, [body.material for body in bodies])
-        self.time, self.steps, self.substep = 0.0, 0, self.dt
-        self.counter: RegionCounter | None = None
-        self.sample: Sample | None = None
-        self._has_warned_of_held, self._fastest = False, None
-        self._per_particle, self._unsampled = np.zeros((1, 1, 2), np.float32), np.zeros((1, 6), np.float32)
-        self._has_accelerations, self.contact = body_acceleration is not None, contact
-        self._build()
+        scene = Scene(grid, bodies, colliders or [], Walls() if walls is None else walls, np.asarray(gravity))
+        self.numerics = Numerics(**numerics).chosen(scene.bodies)
+        warn_of_scene(scene)
+        self._has_accelerations = body_acceleration is not None
+        self._build(scene)
         if body_acceleration is not None:
             self.set_body_acceleration(body_acceleration)
 
-    def _build(self) -> None:
-        """Allocate the fields that the scene asks for, and the kernels that read them."""
-        self.features = features_of(self.bodies, self.colliders, self.walls, self.precision, self.integrator,
-                                    self._has_accelerations, self.transfer_interval > 0, self.sleep > 0, self.contact)
-        self.mobility = MobilityTable(self.features.mobile)
-        self.paths = ColliderPaths(self.colliders, self.features, self.mobility, self.grid)
-        self._take_assembly()
-        self.rollback = Rollback(self)
-        with default_precision(self.precision):
-            fill_fields(self.fields, self.grid, self.bodies, self.colliders, self.gravity, self.walls)
-            self.wake()
-            origin, cell, static = ti.Vector(self.grid.origin, ti.f64), self.grid.cell, self.features.static_colliders
-            for i in static:
-                place = np.concatenate([self.colliders[i].pose.position, self.colliders[i].pose.matrix.ravel()])
-                cache_static_contact(self.fields.static_contact, self.colliders[i].sdf, i, i == static[0],
-                                     place, origin, cell, is_shared(), self.features.touching)
-        self._make_stepper()
-        self.sums = np.zeros((self.fields.rows.count, 6))
-        """Sums of the last advance, see `LedgerRows`."""
-        self._momentum = None
+    def _build(self, scene: Scene) -> None:
+        """Make the parts of the solver, and the kernels that read its fields."""
+        self.core = core = Core(scene, self.numerics, self._has_accelerations)
+        self.grid, self.bodies, self.colliders, self.walls = scene.grid, scene.bodies, scene.colliders, scene.walls
+        self.features, self.paths, self.mobility, self.dt = core.features, core.paths, core.mobility, core.dt
+        self.readings, self.settings, self.rollback = core.readings, core.settings, core.rollback
+        self.precision, self.sleep, self._progress = core.precision, core.sleep, core.progress
+        self._loop = TimeLoop(core)
 
-    def _take_assembly(self) -> None:
-        """Take over the fields of an equal scene, or allocate them."""
-        parts, scene = count_parts(self.features.serial), (self.grid, self.bodies, self.colliders, self.walls)
-        check_memory(self.grid, tuple(len(body.positions) for body in self.bodies), self.features, parts)
-        self.take_over(scene_key(*scene, self.features, parts), self.precision)
-        if "fields" not in self.assembly.shared:
-            for collider in self.colliders:
-                collider.sdf.lay_out()
-        fields = self.assembly.share("fields", lambda: allocate_fields(*scene, self.features, parts))
-        self.colliders = [replace(given, sdf=ready.sdf) for given, ready in zip(self.colliders, fields.colliders)]
-        self.dtype = fields.dtype
+    @property
+    def fields(self) -> Fields:
+        """All run-time fields; raises InvalidValue once the solver is closed."""
+        return self.core.fields
 
-    def _make_stepper(self) -> None:
-        """Compile kernels for the scene and what is attached to it, at their first launch."""
-        # where contact moves colliders, the launch itself copies the state
-        checkpoint, undo = self.rollback.allocate() if self.features.mobile else [], self.rollback.allocate(UNDO)
-        counter, sample = self.counter and self.counter.kernel, self.sample and self.sample.kernel
-        # sums of sleepers and the blocks that use them are of one kernel
-        self.fields.substep_counter.is_listed &= not self.features.sleep
-        self.stepper = self.assembly.share(("stepper", counter, sample),
-                                           lambda: make_stepper(self.fields, counter, sample, checkpoint, undo))
-        rows = COUNTER_ROWS * MAX_READINGS if self.counter else 0
-        self._out = np.zeros((self.fields.rows.count + rows, 6))
+    @property
+    def particles(self) -> ParticleFields:
+        """Fields of the particles; raises InvalidValue once the solver is closed."""
+        return self.core.fields.particles
+
+    @property
+    def counter(self) -> RegionCounter | None:
+        """The attached counter."""
+        return self.core.counter
+
+    @property
+    def bound(self) -> float:
+        """Bound of an isolated particle [s]; `dt` is accepted up to `stable_step.ACCEPTED_FRACTION` of it."""
+        return self.settings.bound
 
     @property
     def transfer_interval(self) -> float:
         """Longest stride [s] with the current materials and colliders."""
-        return choose_interval(self.requested_interval, self.bodies, self.colliders, self.bound)
+        return self.core.transfer_interval
+
+    @property
+    def time(self) -> float:
+        """Time [s] since the start."""
+        return self._progress.time
+
+    @property
+    def steps(self) -> int:
+        """Substeps since the start."""
+        return self._progress.steps
+
+    @property
+    def substep(self) -> float:
+        """Length [s] of the last substep."""
+        return self._progress.substep
+
+    @property
+    def gravity(self) -> np.ndarray:
+        """Gravity [m/s^2] (3,)."""
+        return self.core.scene.gravity
 
     # scene -----------------------------------------------------------------------------------------------------------
     def set_colliders(self, colliders: list[Collider]) -> None:
@@ -134,26 +118,41 @@ class Solver(Adjustable):
             raise InvalidValue("set_colliders: the scene is fixed by the first advance or an attached counter; "
                                "accepted: colliders that are set before")
         check_colliders(colliders)
-        before = self.state()
+        before, scene = self.state(), self.core.scene
         self.close()
-        self.colliders = list(colliders)
-        warn_of_colliders(self.grid, self.bodies, self.colliders)
-        self._build()
+        scene.colliders[:] = colliders
+        warn_of_colliders(scene)
+        self._build(scene)
         for name, fields in self.particles.named_fields().items():
             if name in before:
                 self.particles.write(fields, before[name])
-        self._momentum = None
 
     def attach(self, counter: RegionCounter, sample: Sample | None = None) -> None:
         """Attach a counter, evaluated during advances, and a sample, taken at their end; kernels are recompiled."""
-        if counter.tenure is not self.tenure or counter.index not in self.features.moving_colliders:
+        if counter.tenure is not self.core.tenure or counter.index not in self.features.moving_colliders:
             raise InvalidValue("attach: the counter is of another solver or of other colliders, or its collider cannot "
                                "move; accepted: a RegionCounter of this solver and of a moving collider")
-        if sample is not None and sample.tenure is not self.tenure:
+        if sample is not None and sample.tenure is not self.core.tenure:
             raise InvalidValue("attach: the sample is of another solver; accepted: a Sample of this solver")
-        self.counter, self.sample = counter, sample
-        self._make_stepper()
-        self._per_particle = np.zeros((MAX_READINGS, *counter.per_particle_shape), np.float32)
+        self.core.counter, self.core.sample = counter, sample
+        self._loop.make_stepper()
+
+    def before_flags_change(self, counter: RegionCounter) -> None:
+        """Complete a pending checkpoint before the flags of an attached counter change."""
+        if self.counter is counter:
+            self.rollback.store_pending()
+
+    def set_gravity(self, gravity: np.ndarray) -> None:
+        """Set gravity [m/s^2] (3,); wakes all particles."""
+        self.settings.set_gravity(gravity)
+
+    def set_friction(self, index: int, friction: float) -> None:
+        """Set the friction coefficient of a collider, without recompilation."""
+        self.settings.set_friction(index, friction)
+
+    def set_material(self, index: int, material: Material) -> None:
+        """Set other parameters of a body's law, without recompilation; raises TimeStepTooLarge if dt is too large."""
+        self.settings.set_material(index, material)
 
     def set_body_acceleration(self, accelerations: np.ndarray) -> None:
         """Set accelerations besides gravity [m/s^2] (n_particles, 3); only if the solver was made with some."""
@@ -164,7 +163,7 @@ class Solver(Adjustable):
         self.rollback.store_pending()
         self.particles.write(self.particles.acceleration, values)
 
-    # motion of colliders -------------------------------------------------------------------------------------------
+    # colliders -------------------------------------------------------------------------------------------------------
     def set_collider_motion(self, index: int, begin: Pose, *ends: Pose, jump: bool = False) -> None:
         """Move a collider in the next advance by a screw motion from begin to end, or to ends at equal intervals.
 
@@ -197,13 +196,30 @@ class Solver(Adjustable):
         """Return the twist of a mobile collider about its centre at the end of the last advance."""
         return self.mobility.twist(index)
 
+    def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
+        """Return the impulse [N s], [N m s] that a collider received in the last advance.
+
+        about: point [m] (3,), or None: the centre of a mobile collider as it moved, the origin of another at the end of
+        the advance.
+        """
+        here = self.paths.pose(index).position
+        if about is None and index in self.features.mobile:
+            return self.mobility.impulse(index)
+        return received(self.ledger[self.fields.rows.first_collider + index], here if about is None else about)
+
+    @property
+    def contact_residual(self) -> float:
+        """Largest residual of the contact solves of mobile colliders in the last advance; 0 without such colliders.
+
+        Relative to the change of the collider's twist by contact. Above 0.01 `advance` warns.
+        """
+        return self.mobility.residual
+
+    # time ------------------------------------------------------------------------------------------------------------
     def compile(self) -> None:
         """Compile the kernels now instead of in the first advance; nothing moves."""
-        with default_precision(self.precision):
-            self._launch(0, self.dt, np.zeros((1, 1, COLUMNS), self.dtype), 0, 1)
-            self.stepper.mark(self.fields.substep_counter.take(1))
+        self._loop.compile()
 
-    # time ----------------------------------------------------------------------------------------------------------
     def advance(self, duration: float, readings: int = 1) -> list[Counts]:
         """Advance by `duration` [s] in equal substeps of at most `dt`.
 
@@ -212,64 +228,7 @@ class Solver(Adjustable):
         and ColliderTooFast if a collider would need too many substeps. After any error, and after Ctrl-C, the solver is
         in the state that it was in before.
         """
-        check_owner()
-        self.check_open()
-        if not 0 < duration < math.inf:
-            raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
-        if not 1 <= readings <= MAX_READINGS:
-            raise InvalidValue(f"advance: readings = {readings}; accepted: 1 to {MAX_READINGS}")
-        self.rollback.begin()
-        try:
-            return self._advance(duration, readings)
-        except BaseException as error:
-            if isinstance(error, SimulationDiverged):
-                error.state = self.state()
-            self.rollback.undo()
-            raise
-
-    def _advance(self, duration: float, readings: int) -> list[Counts]:
-        """Advance, see `advance`; an error leaves the solver where it came about."""
-        total, table = self.paths.plan(duration, readings, self.dt, self.dtype)
-        dt, interval = duration / total, total // readings
-        counts: list[Counts] = []
-        self.substep = dt
-        self.mobility.begin(self.paths.poses, duration)
-        self.sums[:] = 0.0
-        rows, stamps = self.fields.rows, self.fields.substep_counter
-        for first, n in split_launches(total, interval):
-            self._out[:] = 0.0
-            with default_precision(self.precision):
-                if not stamps.is_listed:
-                    stamps.restart()
-                    self.stepper.mark(stamps.next)
-                stamps.is_listed = False  # an interrupted launch leaves no list
-                self._launch(n, dt, np.ascontiguousarray(table[:, first : first + n]), first, interval)
-                stamps.is_listed = True
-            stamps.pass_substeps(n)
-            squares, self._fastest, halted, held = self._out[rows.status, :4].tolist()
-            done = int(halted) or n
-            self.sums += self._out[: rows.count]
-            self.steps += done
-            self.time += done * dt
-            self._momentum = Momentum(*self._out[rows.momentum].reshape(2, 3).copy())
-            if halted or not math.isfinite(squares + self.mobility.table.sum()) \
-                    or self._fastest * dt > SPEED_LIMIT * self.grid.cell:
-                raise diagnostics.describe_divergence(self, dt)
-            if held and not self._has_warned_of_held:
-                self._has_warned_of_held = True
-                diagnostics.warn_of_held(self, stacklevel=4)
-            if self.counter is not None:
-                taken = range(first // interval, (first + n) // interval)
-                counts += self.counter.all_counts(self._out[rows.count :], self._per_particle, taken)
-            self.mobility.end(self.paths.poses)
-        return counts
-
-    def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
-        sampled = self._unsampled if self.sample is None else self.sample.values
-        self.stepper.launch(substeps, self.fields.substep_counter.next, dt, motion, self.mobility.table, self._out, first,
-                            interval, self._per_particle, sampled,
-                            self.rollback.place_of_copy() if substeps else NOWHERE,
-                            longest_stride(self.transfer_interval, dt))
+        return self._loop.advance(duration, readings)
 
     # states ----------------------------------------------------------------------------------------------------------
     def store_checkpoint(self) -> None:
@@ -282,35 +241,82 @@ class Solver(Adjustable):
 
     def state(self) -> dict[str, np.ndarray]:
         """Return the state, for a bitwise identical continuation; it has no parameters such as gravity."""
-        named = self.particles.named_fields()
-        arrays = {name: self.particles.read(fields) for name, fields in named.items()}
-        poses = np.array([np.concatenate(pose) for pose in self.paths.poses]).reshape(-1, 7)
-        holes = {} if self.fields.orifices is None else {"orifices": self.fields.orifices.read()}
-        return arrays | {"time": np.array(self.time), "steps": np.array(self.steps), "poses": poses,
-                         **self.mobility.save(), **holes}
+        return self.core.state()
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Load a state of this solver, or of one made from the same scene.
 
         Raises InvalidValue, and changes nothing, for a state of another scene.
         """
-        named, poses = self.particles.named_fields(), self.paths.read_snapshot(state)
-        arrays = [self.particles.read_snapshot(state, name) for name in named]
-        self.grid.check_inside(arrays[0] + self.grid.origin, "load: ", ROUNDING)
-        time, steps = float(read_array(state, "time", ())), int(read_array(state, "steps", ()))
-        orifices = self.fields.orifices
-        holes = None if orifices is None else orifices.read_snapshot(state)
-        self.mobility.restore(state)
-        self.rollback.store_pending()
-        if orifices is not None and holes is not None:
-            orifices.write(holes)
-        for fields, values in zip(named.values(), arrays):
-            self.particles.write(fields, values)
-        self.adopt_state(poses, time, steps)
+        self.core.load(state)
 
-    def adopt_state(self, poses: list[Pose], time: float, steps: int, momentum: Momentum | None = None) -> None:
-        """Take over a state that a kernel wrote to the fields: poses, time [s], substeps, momentum if known."""
-        self.time, self.steps, self.paths.poses, self._fastest = time, steps, poses, None
-        self.paths.pending.clear()
-        self._momentum = momentum
-        self.fields.substep_counter.is_listed = False
+    def close(self) -> None:
+        """Give the fields back for the next solver of an equal scene; this one is of no more use.
+
+        Also called at the end of a `with` block, and when the last reference is gone.
+        """
+        self.core.tenure.close()
+
+    def __enter__(self) -> "Solver":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    # readings --------------------------------------------------------------------------------------------------------
+    def positions(self) -> np.ndarray:
+        """Return positions [m], shape (n_particles, 3), float64, in the order of the bodies."""
+        return self.readings.positions()
+
+    def velocities(self) -> np.ndarray:
+        """Return velocities [m/s], shape (n_particles, 3), float64."""
+        return self.readings.velocities()
+
+    def masses(self) -> np.ndarray:
+        """Return masses [kg], shape (n_particles,)."""
+        return self.readings.masses()
+
+    def densities(self) -> np.ndarray:
+        """Return the mass over the present volume [kg/m^3] of each particle, shape (n_particles,)."""
+        return self.readings.densities()
+
+    def stresses(self) -> np.ndarray:
+        """Return Cauchy stresses [Pa], shape (n_particles, 3, 3), symmetric, tension positive."""
+        return self.readings.stresses()
+
+    @property
+    def awake(self) -> np.ndarray:
+        """Which particles are awake, (n_particles,); all without sleeping."""
+        return self.readings.awake
+
+    @property
+    def ledger(self) -> np.ndarray:
+        """Impulses on the particles in the last advance: gravity, walls, colliders; (linear, angular), (rows, 6).
+
+        Angular ones are about the world's origin.
+        """
+        return self.readings.ledger
+
+    def wall_impulse(self, side: str, about: np.ndarray | None = None) -> Wrench:
+        """Return the impulse [N s], [N m s] that a wall received in the last advance.
+
+        side: "x-", "x+", "y-", "y+", "z-" or "z+". about: point [m] (3,), or None: the world's origin. Raises
+        UnknownName for another side.
+        """
+        return self.readings.wall_impulse(side, about)
+
+    def momentum(self) -> Momentum:
+        """Return the momentum of all particles, summed in float64."""
+        return diagnostics.compute_momentum(self.readings)
+
+    def energy(self) -> Energy:
+        """Return the energy of all particles, summed in float64; the elastic part is each law's own."""
+        return diagnostics.compute_energy(self.readings)
+
+    def diagnostics(self) -> Diagnostics:
+        """Return mass, momentum, energy, CFL number, and the numbers of escaped and non-finite particles."""
+        return diagnostics.compute_diagnostics(self.readings)
+
+    def momentum_after_advance(self) -> Momentum:
+        """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""
+        return diagnostics.momentum_after_advance(self.readings)

@@ -73,12 +73,18 @@ def test_batches_are_accepted_or_refused_as_the_table_says(row: str) -> None:
 def test_threads_are_those_that_the_table_says(row: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a GPU what is refused raises before anything is allocated."""
     from mpm.scene import features
+    from mpm.scene.scene import Numerics, Scene
 
     options, column = dict(SCENES[row]), cells()[row]
     body = mpm.Body(mpm.Elastic(E=1e5, nu=0.2, density=1000.0), np.full((27, 3), 0.05), volume=1e-6)
-    arguments = ([body], options.get("colliders", []), options.get("walls", mpm.Walls()), "f32", "auto",
-                 "body_acceleration" in options, True, "sleep" in options)
+    scene = Scene(mpm.Grid((0, 0, 0), (0.1, 0.1, 0.1), 0.01), [body], options.get("colliders", []),
+                  options.get("walls", mpm.Walls()))
+    numerics = Numerics(precision="f32", integrator="auto", sleep=options.get("sleep", False))
+
+    def derive() -> features.Features:
+        return features.features_of(scene, numerics, body_acceleration="body_acceleration" in options)
+
     monkeypatch.setattr(features, "is_concurrent", lambda: True)
-    assert not features.features_of(*arguments).serial
+    assert not derive().serial
     monkeypatch.setattr(features, "is_shared", lambda: True)
-    assert accepts(lambda: features.features_of(*arguments)) == (column["CUDA, Vulkan"] != "refused")
+    assert accepts(derive) == (column["CUDA, Vulkan"] != "refused")

@@ -117,42 +117,28 @@ def limit_idle(budget: int = IDLE_BYTES) -> None:
         _idle.pop(0).free()
 
 
-class AssemblyOwner:
-    """Something that owns an assembly until it is closed or no longer used: a solver."""
+class Tenure:
+    """The time for which a solver has an assembly: until it is closed, or nobody refers to the tenure any more."""
 
-    def take_over(self, key: Hashable, precision: str) -> None:
-        """Take an assembly, see `Assembly`."""
+    def __init__(self, key: Hashable, precision: str) -> None:
         self._assembly = take_assembly(key, precision)
         self._give_back = weakref.finalize(self, give_back, self._assembly)
         self._give_back.atexit = False
-        self.tenure = object()
-        """What tells what was made since from what an earlier owner of the fields made."""
 
     @property
     def assembly(self) -> Assembly:
-        """Fields and kernels of the scene; raises InvalidValue once the owner is closed."""
+        """Fields and kernels of the scene; raises InvalidValue once the tenure has ended."""
         self.check_open()
         return self._assembly
 
-    def check_open(self, tenure: object = None) -> None:
-        """Raise InvalidValue where it is closed, or has other fields than at a tenure."""
+    def check_open(self) -> None:
+        """Raise InvalidValue once the tenure has ended."""
         if not self._give_back.alive:
-            raise InvalidValue(f"{type(self).__name__}: it is closed; accepted: whatever is asked before close()")
-        if tenure is not None and tenure is not self.tenure:
-            raise InvalidValue(f"{type(self).__name__}: it has other fields now; accepted: counters and samples made "
-                               f"after set_colliders")
+            raise InvalidValue("the solver is closed, or has other fields since set_colliders; accepted: what is asked "
+                               "before close(), and counters and samples made after set_colliders")
 
     def close(self) -> None:
-        """Give the fields back for the next owner of an equal scene; this one is of no more use.
-
-        Also called at the end of a `with` block, and some time after the last reference is gone.
-        """
+        """Give the assembly back for the next solver of an equal scene."""
         if self._give_back.alive:
             self._give_back()
             limit_idle()
-
-    def __enter__(self):  # noqa: ANN204  (its own type)
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()

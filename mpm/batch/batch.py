@@ -4,13 +4,14 @@ Grid, colliders and kernel are shared, so that one more environment costs its pa
 added to the work is a copy of that state there and back.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mpm.backend import check_owner, default_precision, ti
 from mpm.backend.launching import Launcher
 from mpm.batch.environment_numbers import EnvironmentNumbers, NumbersKernel
+from mpm.boundaries.collider_paths import ColliderPaths
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose, Wrench
 from mpm.materials.material import Material
@@ -25,8 +26,9 @@ from mpm.scene.grid import ROUNDING
 from mpm.state.fields import Fields
 from mpm.state.packs import count_packs
 from mpm.state.particles import SPEED_LIMIT
-from mpm.stepping.collider_paths import ColliderPaths
+from mpm.stepping.core import HasCore
 from mpm.stepping.cpu import CpuStepper, add_status
+from mpm.stepping.phases import Launch
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import choose_interval, longest_stride, split_launches
 from mpm.stepping.thread_group import ThreadGroup
@@ -85,14 +87,15 @@ class BatchStepper(CpuStepper):
                 for bank in ti.static(self.holes):
                     bank.restore(e)
                 self.numbers.write(numbers, e)
-                dt = dts[e]
+                dt, earlier = dts[e], e * readings
+                launch = ti.static(Launch(substeps, stamp, dt, motion, mobile, out, done, interval, per_particle,
+                                          sampled, 0, max_stride, row, earlier))
                 if substeps == ti.static(READ_ONLY):  # noqa: SIM102  (decided when compiling)
                     if ti.static(self.has_counter):
-                        self.take_reading(motion, row, 1, 1, out, per_particle, e * readings)
+                        self.take_reading(ti.static(launch._replace(interval=1)), row, 1)
                 if ti.static(self.fields.features.sleep) or substeps > 0:
                     self.list_blocks(stamp)
-                self.advance(ti.static(ThreadGroup()), substeps, stamp, dt, motion, row, mobile, out, done, interval,
-                             per_particle, e * readings, max_stride)
+                self.advance(ti.static(ThreadGroup()), launch)
                 add_status(self.fields, self.fields.particles, out, 0, count_packs(self.fields))
                 if ti.static(self.has_sample):
                     self.sample.take(sampled, e * ti.static(self.sample_rows))
@@ -114,41 +117,40 @@ class Batch:
     or several threads.
     """
 
-    def __init__(self, solver: Any, n: int, readings: int = 1) -> None:  # a Solver, which stands above
+    def __init__(self, solver: HasCore, n: int, readings: int = 1) -> None:
+        core = solver.core
         if n < 1 or not 1 <= readings <= MAX_READINGS:
             raise InvalidValue(f"Batch: n = {n}, readings = {readings}; accepted: 1 or more, 1 to {MAX_READINGS}")
-        if not solver.features.serial:
+        if not core.features.serial:
             raise InvalidValue("Batch: the solver has several threads; accepted: one of mpm.init(threads=1)")
-        if solver.features.mobile:
-            raise InvalidValue(f"Batch: colliders {solver.features.mobile} are mobile; accepted: moved ones")
-        self.solver, self.n, self.readings = solver, n, readings
-        counter, sample, fields = solver.counter, solver.sample, solver.fields
+        if core.features.mobile:
+            raise InvalidValue(f"Batch: colliders {core.features.mobile} are mobile; accepted: moved ones")
+        self.solver, self._core, self.n, self.readings = solver, core, n, readings
+        counter, sample, fields = core.counter, core.sample, core.fields
         kernels = counter and counter.kernel, sample and sample.kernel
-        self._stepper: BatchStepper = solver.assembly.take(("batch", *kernels, n),
-                                                           lambda: BatchStepper(fields, *kernels, n,
-                                                                                len(solver.colliders)))
-        rows = solver.fields.rows.count + (COUNTER_ROWS * readings if counter else 0)
+        self._stepper: BatchStepper = core.tenure.assembly.take(
+            ("batch", *kernels, n), lambda: BatchStepper(fields, *kernels, n, len(core.scene.colliders)))
+        rows = fields.rows.count + (COUNTER_ROWS * readings if counter else 0)
         self._out, self._results = np.zeros((rows, 6)), np.zeros((n, rows, 6))
         shape = counter.per_particle_shape if counter else (1, 2)
         self._per_particle = np.zeros((n * readings, *shape), np.float32)
         self._sampled = np.zeros((n * (len(sample.values) if sample else 1), 6), np.float32)
         self._dts, self._counter = np.zeros(n), counter
-        self._ledgers = np.zeros((n, solver.fields.rows.momentum, 6))
-        self._numbers = EnvironmentNumbers(solver, n)
-        self._paths = [ColliderPaths(solver.colliders, solver.features, solver.mobility, solver.grid)
-                       for _ in range(n)]
+        self._ledgers = np.zeros((n, fields.rows.momentum, 6))
+        self._numbers = EnvironmentNumbers(core, n)
+        self._paths = [ColliderPaths(core.scene, core.features, core.mobility) for _ in range(n)]
         self._has_warned_of_held = False
         self.time, self.steps = np.zeros(n), np.zeros(n, int)
         """Time [s] and substeps of every environment."""
-        state = solver.state()
+        state = core.state()
         for e in range(n):
             self.load(e, state)
 
     @property
     def bytes_each(self) -> int:
         """Memory [bytes] that one more environment takes."""
-        bank, particles = self._stepper.states, self.solver.particles
-        each = StateBank.bytes_per_state(particles.state_fields, self.solver.precision)
+        bank, particles = self._stepper.states, self._core.fields.particles
+        each = StateBank.bytes_per_state(particles.state_fields, self._core.precision)
         each += len(bank.flags) * bank.lanes
         return each + (self._results.nbytes + self._per_particle.nbytes + self._sampled.nbytes) // self.n
 
@@ -158,20 +160,20 @@ class Batch:
 
     def set_material(self, e: int, body: int, material: Material) -> None:
         """Set a body's material in one environment, as `Solver.set_material` does."""
-        self.solver.check_material(body, material)
-        if self.solver.features.sleep and material != self._numbers.materials[e][body]:
+        self._core.settings.check_material(body, material)
+        if self._core.features.sleep and material != self._numbers.materials[e][body]:
             self._wake(e)
         self._numbers.set_material(e, body, material)
 
     def set_friction(self, e: int, index: int, friction: float) -> None:
         """Set the friction coefficient of a collider in one environment, as `Solver.set_friction` does."""
-        if self._numbers.set_friction(e, index, friction) and self.solver.features.sleep:
+        if self._numbers.set_friction(e, index, friction) and self._core.features.sleep:
             self._wake(e)
 
     def set_volume(self, e: int, body: int, volume: float) -> None:
         """Set the volume [m^3] of a body's particles in one environment, as `Solver.set_volume` does."""
-        with_volume(self.solver.bodies[body], volume)
-        if self.solver.features.sleep:
+        with_volume(self._core.scene.bodies[body], volume)
+        if self._core.features.sleep:
             self._wake(e)
         self._numbers.set_volume(e, body, volume)
 
@@ -182,9 +184,9 @@ class Batch:
     def _wake(self, e: int) -> None:
         """Wake all particles of an environment."""
         states = self._stepper.states
-        with default_precision(self.solver.precision):
+        with default_precision(self._core.precision):
             states.restore_now(e)
-            self.solver.wake()
+            self._core.settings.wake()
             states.store_now(e)
 
     def set_collider_motion(self, e: int, index: int, begin: Pose, *ends: Pose, jump: bool = False) -> None:
@@ -197,23 +199,23 @@ class Batch:
 
     def collider_impulse(self, e: int, index: int, about: np.ndarray) -> Wrench:
         """Return what a collider received in an environment's last advance, as `Solver.collider_impulse` does."""
-        return received(self._ledgers[e, self.solver.fields.rows.first_collider + index], about)
+        return received(self._ledgers[e, self._core.fields.rows.first_collider + index], about)
 
     def load(self, e: int, state: dict[str, np.ndarray]) -> Counts | None:
         """Load a state (`Solver.state`) into an environment; return the counts of the counter there.
 
         Particles out of bounds in the state do not count as newly exited.
         """
-        particles = self.solver.particles
+        particles = self._core.fields.particles
         arrays = [particles.read_snapshot(state, name) for name in particles.named_fields()]
-        self.solver.grid.check_inside(arrays[0] + self.solver.grid.origin, "load: ", ROUNDING)
-        orifices = self.solver.fields.orifices
+        self._core.scene.grid.check_inside(arrays[0] + self._core.scene.grid.origin, "load: ", ROUNDING)
+        orifices = self._core.fields.orifices
         holes = None if orifices is None else orifices.read_snapshot(state)
         packed = [particles.pack(values) for values in arrays]
         self._paths[e].poses = self._paths[e].read_snapshot(state)
         self._paths[e].pending.clear()
         self.time[e], self.steps[e] = float(state["time"]), int(state["steps"])
-        with default_precision(self.solver.precision):
+        with default_precision(self._core.precision):
             self._stepper.states.write(e, np.concatenate(packed))
             for bank in self._stepper.holes:
                 bank.write(e, holes)
@@ -222,7 +224,7 @@ class Batch:
 
     def _read(self, e: int) -> Counts | None:
         """Take a reading of the counter in an environment as it is."""
-        _, table = self._paths[e].plan(1.0, 1, np.inf, self.solver.dtype)
+        _, table = self._paths[e].plan(1.0, 1, np.inf, self._core.dtype)
         plans = [Plan()] * self.n
         plans[e] = Plan(READ_ONLY)
         self._launch(plans, table)
@@ -236,9 +238,9 @@ class Batch:
         """
         check_owner()
         self._check(durations, readings)
-        solver, tables, plans, rows = self.solver, [], [Plan()] * self.n, 0
+        core, tables, plans, rows = self._core, [], [Plan()] * self.n, 0
         for e in np.flatnonzero(durations):
-            total, table = self._paths[e].plan(float(durations[e]), int(readings[e]), solver.dt, solver.dtype)
+            total, table = self._paths[e].plan(float(durations[e]), int(readings[e]), core.dt, core.dtype)
             self._dts[e] = durations[e] / total
             plans[e] = Plan(total, rows, total // int(readings[e]),
                             max_stride=longest_stride(self._interval(e), self._dts[e]))
@@ -260,8 +262,8 @@ class Batch:
 
     def _interval(self, e: int) -> float:
         """Return the longest stride [s] of an environment's materials."""
-        bound = min(material_bound(self.solver.grid.cell, material) for material in self._numbers.materials[e])
-        return choose_interval(self.solver.requested_interval, self.solver.bodies, self.solver.colliders, bound)
+        bound = min(material_bound(self._core.scene.grid.cell, material) for material in self._numbers.materials[e])
+        return choose_interval(self._core.numerics.transfer_interval, self._core.scene, bound)
 
     def _check(self, durations: np.ndarray, readings: np.ndarray) -> None:
         """Raise InvalidValue for what no environment can do, before any starts."""
@@ -276,54 +278,54 @@ class Batch:
                                    f"accepted: 0 or more, 1 to {self.readings}, the batch's own")
 
     def _launch(self, plans: list[Plan], motion: np.ndarray) -> None:
-        solver = self.solver
-        if solver.counter is not self._counter:
+        core = self._core
+        if core.counter is not self._counter:
             raise InvalidValue("Batch: another counter was attached after the batch was made; make the batch again")
-        stamped = [plan._replace(stamp=solver.fields.substep_counter.take(max(plan.substeps, 0) + 1)) for plan in plans]
-        with default_precision(solver.precision):
-            self._stepper.launch_all(np.array(stamped, np.int32), self._dts.astype(solver.dtype),
-                                  np.ascontiguousarray(motion), solver.mobility.table, self._numbers.table,
+        stamped = [plan._replace(stamp=core.fields.substep_counter.take(max(plan.substeps, 0) + 1)) for plan in plans]
+        with default_precision(core.precision):
+            self._stepper.launch_all(np.array(stamped, np.int32), self._dts.astype(core.dtype),
+                                  np.ascontiguousarray(motion), core.mobility.table, self._numbers.table,
                                   self._out, self._results, self._per_particle, self._sampled, self.readings)
 
     def _outcome(self, e: int, plan: Plan, before: list[Counts]) -> list[Counts] | SimulationDiverged:
         """Return what an environment's launch came to, with the readings of earlier ones of the advance."""
         dt = float(self._dts[e])
-        squares, fastest, halted, held = self._results[e, self.solver.fields.rows.status, :4]
+        squares, fastest, halted, held = self._results[e, self._core.fields.rows.status, :4]
         done = int(halted) or plan.substeps
         self.time[e] += done * dt
         self.steps[e] += done
-        if halted or not np.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
+        if halted or not np.isfinite(squares) or fastest * dt > SPEED_LIMIT * self._core.scene.grid.cell:
             self.select(e)
-            return describe_divergence(self.solver, dt)
+            return describe_divergence(self._core.readings, dt)
         if held and not self._has_warned_of_held:
             self._has_warned_of_held = True
             self.select(e)
-            warn_of_held(self.solver, stacklevel=4)
+            warn_of_held(self._core.readings, stacklevel=4)
         readings = range(plan.done // plan.interval, (plan.done + plan.substeps) // plan.interval)
         return [*before, *self._counts(e, readings)] if self._counter else []
 
     def _counts(self, e: int, readings: range) -> list[Counts]:
         own = self._per_particle[e * self.readings : (e + 1) * self.readings]
-        return self._counter.all_counts(self._results[e, self.solver.fields.rows.count :], own, readings)
+        return self._counter.all_counts(self._results[e, self._core.fields.rows.count :], own, readings)
 
     def adopt(self, e: int) -> None:
         """Set an environment to the state, materials and counter's flags of the solver: the reverse of `select`."""
-        solver, paths = self.solver, self._paths[e]
-        solver.check_open()
-        self._numbers.adopt(e, solver)
-        paths.poses = list(solver.paths.poses)
+        core, paths = self._core, self._paths[e]
+        core.tenure.check_open()
+        self._numbers.adopt(e, core)
+        paths.poses = list(core.paths.poses)
         paths.pending.clear()
-        self.time[e], self.steps[e] = solver.time, solver.steps
-        with default_precision(solver.precision):
+        self.time[e], self.steps[e] = core.progress.time, core.progress.steps
+        with default_precision(core.precision):
             for bank in (self._stepper.states, *self._stepper.holes):
                 bank.store_now(e)
 
     def select(self, e: int) -> None:
         """Set the solver to the state of an environment, to read or render it."""
-        solver = self.solver
-        solver.check_open()
-        with default_precision(solver.precision):
-            self._numbers.hand_over(e, solver)
+        core = self._core
+        core.tenure.check_open()
+        with default_precision(core.precision):
+            self._numbers.hand_over(e, core)
             for bank in (self._stepper.states, *self._stepper.holes):
                 bank.restore_now(e)
-        solver.adopt_state(list(self._paths[e].poses), float(self.time[e]), int(self.steps[e]))
+        core.rollback.adopt_state(list(self._paths[e].poses), float(self.time[e]), int(self.steps[e]))

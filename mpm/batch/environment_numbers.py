@@ -12,6 +12,7 @@ from mpm.observers.counter_kernel import FRAME, FRAME_NUMBERS, CounterKernel
 from mpm.observers.region_counter import RegionCounter
 from mpm.scene.body import half_edge
 from mpm.state.fields import Fields
+from mpm.stepping.core import Core
 
 BODY_NUMBERS = PARAMETERS + 3
 DENSITY, VOLUME, HALF = range(PARAMETERS, BODY_NUMBERS)
@@ -21,39 +22,39 @@ DENSITY, VOLUME, HALF = range(PARAMETERS, BODY_NUMBERS)
 class EnvironmentNumbers:
     """The table (n, numbers), float64: of each body, each collider's friction, and the counter's frame."""
 
-    def __init__(self, solver: Any, n: int) -> None:
-        self._bodies, self._colliders = len(solver.bodies), len(solver.colliders)
+    def __init__(self, core: Core, n: int) -> None:
+        self._bodies, self._colliders = len(core.scene.bodies), len(core.scene.colliders)
         self.frictions = self._bodies * BODY_NUMBERS
         self.frame = self.frictions + self._colliders
         self.table = np.zeros((n, self.frame + FRAME_NUMBERS))
-        self.materials = [[body.material for body in solver.bodies] for _ in range(n)]
-        self._volumes = [[body.volume for body in solver.bodies] for _ in range(n)]
+        self.materials = [[body.material for body in core.scene.bodies] for _ in range(n)]
+        self._volumes = [[body.volume for body in core.scene.bodies] for _ in range(n)]
         self.has_volumes = False
         """Whether an environment has been given volumes of its own; until then the kernel writes none."""
         self._frames = [Pose.identity()] * n
         for e in range(n):
-            self.adopt(e, solver)
+            self.adopt(e, core)
 
-    def adopt(self, e: int, solver: Any) -> None:
+    def adopt(self, e: int, core: Core) -> None:
         """Take over the solver's own numbers in an environment."""
-        for index, body in enumerate(solver.bodies):
+        for index, body in enumerate(core.scene.bodies):
             self.set_material(e, index, body.material)
             if np.size(body.volume) == 1 and body.volume != self._volumes[e][index]:
                 self.set_volume(e, index, body.volume)
-        self.table[e, self.frictions : self.frame] = [collider.friction for collider in solver.colliders]
-        if solver.counter is not None:
-            self.set_frame(e, solver.counter, solver.counter.frame)
+        self.table[e, self.frictions : self.frame] = [collider.friction for collider in core.scene.colliders]
+        if core.counter is not None:
+            self.set_frame(e, core.counter, core.counter.frame)
 
-    def hand_over(self, e: int, solver: Any) -> None:
+    def hand_over(self, e: int, core: Core) -> None:
         """Set the solver's numbers, and the fields, which are those of the last launch, to those of an environment."""
         for index, material in enumerate(self.materials[e]):
-            solver.set_material(index, material)
+            core.settings.set_material(index, material)
             if self.has_volumes and np.size(self._volumes[e][index]) == 1:
-                solver.set_volume(index, self._volumes[e][index])
+                core.settings.set_volume(index, self._volumes[e][index])
         for index in range(self._colliders):
-            solver.set_friction(index, float(self.table[e, self.frictions + index]))
-        if solver.counter is not None:
-            solver.counter.place(self._frames[e])
+            core.settings.set_friction(index, float(self.table[e, self.frictions + index]))
+        if core.counter is not None:
+            core.counter.place(self._frames[e])
 
     def set_material(self, e: int, index: int, material: Material) -> None:
         """Set a body's material."""

@@ -105,7 +105,7 @@ class MobilityTable:
             warnings.warn(ContactNotConverged(
                 f"contact of collider {self.indices[worst]}: the solve for its twist ended with a residual of "
                 f"{self.residual:.2g} of the change by contact; give a shorter advance or dt, or check its mobility"),
-                stacklevel=4)
+                stacklevel=5)
         for b, index in enumerate(self.indices):
             row = self.table[b]
             R = row[AXES:LEVER].reshape(3, 3)
@@ -116,6 +116,10 @@ class MobilityTable:
     def residual(self) -> float:
         """The largest relative residual of the contact solves of the last advance; 0 without mobile colliders."""
         return float(self.table[:, RESIDUAL].max())
+
+    def not_finite(self) -> list[int]:
+        """Return the colliders whose motion is not finite."""
+        return [index for index, row in zip(self.indices, self.table) if not np.isfinite(row).all()]
 
     def impulse(self, index: int) -> Wrench:
         """Return the impulse received in the last advance, about the centre as it moved."""

@@ -5,11 +5,8 @@ copies of the ledger, in any order: right to rounding.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
-import numpy as np
-
-from mpm.backend import is_shared, thread_count, ti
+from mpm.backend import is_shared, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
 from mpm.gpu.device_array import DeviceArray
 from mpm.gpu.phase_loops import GROUP, PhaseLoops, ledger_of
@@ -20,17 +17,12 @@ from mpm.state.ledger import STRIPES
 from mpm.state.packs import LANES
 from mpm.state.particle_motion import drift_packs
 from mpm.stepping.cpu import CpuStepper, add_status
-from mpm.stepping.phases import split_phases
+from mpm.stepping.phases import Launch, split_phases
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import fastest_square, limit_stride
 
 SUM_PARTS = 4096
 """Parts of the packs where something is summed over them."""
-
-
-def count_parts(serial: bool) -> int:
-    """Return the arrays that threads of a CPU scatter to, for `allocate_fields`; 0 for one thread, and on a GPU."""
-    return 0 if serial or is_shared() else thread_count()
 
 
 def make_stepper(fields: Fields, counter: CounterKernel | None = None, sample: SampleKernel | None = None,
@@ -56,43 +48,38 @@ class GpuStepper(CpuStepper):
         """Largest squared speed of some particles each [m^2/s^2]."""
 
     # as CpuStepper is called -----------------------------------------------------------------------------------------
-    def launch(self, *arguments: Any) -> None:
-        """Call `run`."""
-        self.run(*arguments)
-
     def mark(self, stamp: int) -> None:
         """Stamp the active blocks of the first substep."""
         self.drift(0.0, stamp)
 
-    def run(self, substeps: int, first_stamp: int, dt: float, motion: np.ndarray, mobile: np.ndarray, out: np.ndarray,
-            first: int, interval: int, per_particle: np.ndarray, sampled: np.ndarray, set_aside: int,
-            max_stride: int) -> None:
-        """Advance by `substeps` of dt [s], see `CpuStepper.run`; it runs to the end where particles get too fast."""
-        arrays = (motion, mobile, out, per_particle, sampled)
-        copies = [DeviceArray(array, STRIPES if array is out else 1) for array in arrays]
-        motion_, mobile_, out_, per_particle_, sampled_ = [copy.device for copy in copies]
-        for bank in (self.checkpoint, self.undo)[set_aside - 1] if set_aside else ():
+    def launch(self, launch: Launch) -> None:
+        """Advance by the substeps of a launch; it runs to the end where particles get too fast."""
+        dt, interval, substeps = launch.dt, launch.interval, launch.substeps
+        arrays = (launch.motion, launch.mobile, launch.out, launch.per_particle, launch.sampled)
+        copies = [DeviceArray(array, STRIPES if array is launch.out else 1) for array in arrays]
+        motion, mobile, out, per_particle, sampled = [copy.device for copy in copies]
+        for bank in (self.checkpoint, self.undo)[launch.copy_to - 1] if launch.copy_to else ():
             bank.store_now(0)
         self.fields.particles.halted[None] = 0
         for loops in self.loops if substeps == 0 else ():  # only to compile
-            loops.run(0, 0, dt, motion_, mobile_, out_, 1, 0, 0)
-        left, stamp, span = 0, first_stamp, 1
+            loops.run(0, 0, dt, motion, mobile, out, 1, 0, 0)
+        left, stamp, span = 0, launch.stamp, 1
         for s in range(substeps):
             starts = left == 0
             if starts:
-                stamp, span = first_stamp + s, 1
-                most = min(max_stride, substeps - s, interval - (first + s) % interval)
+                stamp, span = launch.stamp + s, 1
+                most = min(launch.max_stride, substeps - s, interval - (launch.done + s) % interval)
                 if self.fields.features.strides and most > 1:
-                    span = self.stride(s, dt, motion_, mobile_, most)
+                    span = self.stride(s, dt, motion, mobile, most)
                     if span > 1:
                         self.drift(0.5 * dt * (span - 1), stamp)
                 left = span
             left -= 1
             for loops in self.loops:
-                loops.run(s, stamp, dt, motion_, mobile_, out_, int(starts), span * (left == 0), 1)
-            if self.has_counter and (first + s + 1) % interval == 0:
-                self.read(motion_, s, first + s + 1, interval, out_, per_particle_)
-        self.sum_up(out_, sampled_)
+                loops.run(s, stamp, dt, motion, mobile, out, int(starts), span * (left == 0), 1)
+            if self.has_counter and (launch.done + s + 1) % interval == 0:
+                self.read(motion, s, launch.done + s + 1, interval, out, per_particle)
+        self.sum_up(out, sampled)
         for copy in copies:
             copy.fetch(self.fields.rows.status)
 

@@ -1,20 +1,20 @@
-"""What a solver can be asked for: its particles in double precision, their momentum and energy."""
+"""Readings of a solver's particles and ledger in double precision; each call copies what it needs from the fields."""
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
 from mpm.backend import default_precision
-from mpm.backend.assembly import AssemblyOwner
+from mpm.backend.assembly import Tenure
 from mpm.errors import InvalidValue, UnknownName
-from mpm.geometry.rigid_motion import Pose, Wrench, check_pose
-from mpm.observers import diagnostics
+from mpm.geometry.rigid_motion import Pose, Wrench
+from mpm.materials.stress_update import LEAST_RATIO
 from mpm.observers.clearance import ClearanceKernel, reach_of
-from mpm.observers.diagnostics import Diagnostics, Energy, Momentum
+from mpm.observers.progress import Progress
 from mpm.observers.stress_reader import StressReader
 from mpm.scene.body import Body
-from mpm.scene.features import Features
-from mpm.scene.grid import Grid
+from mpm.scene.scene import Scene
 from mpm.state.fields import Fields
 from mpm.state.particles import ParticleFields
 
@@ -23,28 +23,21 @@ SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
 
 
 def received(row: np.ndarray, point: np.ndarray) -> Wrench:
-    """Return what something received, about a point [m] (3,), where a row of the ledger (6,) has what particles did."""
+    """Return the impulse that a collider or wall received, about a point [m] (3,), from its row of the ledger (6,)."""
     linear, angular = -row.reshape(2, 3)
     return Wrench(linear, angular - np.cross(np.asarray(point), linear))
 
 
-class Readings(AssemblyOwner):
-    """The part of a `Solver` that reads; each call copies what it needs from the fields."""
+class Readings:
+    """Functions of a solver's fields that read them."""
 
-    bodies: list[Body]
-    grid: Grid
-    features: Features
-    paths: Any
-    mobility: Any
-    sums: np.ndarray
-    _momentum: Momentum | None
-    """After the last advance or load; None: not summed yet."""
-    _fastest: float | None
+    def __init__(self, tenure: Tenure, scene: Scene, progress: Progress) -> None:
+        self.tenure, self.scene, self.progress = tenure, scene, progress
 
     @property
     def fields(self) -> Fields:
         """All run-time fields; raises InvalidValue once the solver is closed."""
-        return self.assembly.shared["fields"]
+        return self.tenure.assembly.shared["fields"]
 
     @property
     def particles(self) -> ParticleFields:
@@ -53,7 +46,7 @@ class Readings(AssemblyOwner):
 
     def positions(self) -> np.ndarray:
         """Return positions [m], shape (n_particles, 3), float64, in the order of the bodies."""
-        return self.particles.read(self.particles.x).astype(float) + self.grid.origin
+        return self.particles.read(self.particles.x).astype(float) + self.scene.grid.origin
 
     def velocities(self) -> np.ndarray:
         """Return velocities [m/s], shape (n_particles, 3), float64."""
@@ -73,24 +66,24 @@ class Readings(AssemblyOwner):
 
         About the world's origin; it closes the ledger. Zero without sleeping.
         """
-        return Wrench(*self.sums[self.fields.rows.asleep].reshape(2, 3))
+        return Wrench(*self.progress.sums[self.fields.rows.asleep].reshape(2, 3))
 
     @property
     def fastest(self) -> float:
         """Largest speed [m/s] of a particle."""
-        if self._fastest is None:
-            self._fastest = float(np.linalg.norm(self.velocities(), axis=1).max())
-        return self._fastest
+        if self.progress.fastest is None:
+            self.progress.fastest = float(np.linalg.norm(self.velocities(), axis=1).max())
+        return self.progress.fastest
 
     def masses(self) -> np.ndarray:
         """Return masses [kg], shape (n_particles,)."""
         volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
-        return volume * np.repeat([b.material.density for b in self.bodies], self.particles.counts)
+        return volume * np.repeat([b.material.density for b in self.scene.bodies], self.particles.counts)
 
     def densities(self) -> np.ndarray:
         """Return the mass over the present volume [kg/m^3] of each particle, shape (n_particles,)."""
-        initial = np.repeat([b.material.density for b in self.bodies], self.particles.counts)
-        return initial / diagnostics.volume_ratios(self)
+        initial = np.repeat([b.material.density for b in self.scene.bodies], self.particles.counts)
+        return initial / self.volume_ratios()
 
     def stresses(self) -> np.ndarray:
         """Return Cauchy stresses [Pa], shape (n_particles, 3, 3), symmetric, tension positive.
@@ -98,20 +91,20 @@ class Readings(AssemblyOwner):
         They are those that the laws give for the present strain; in a fluid, viscous stress included.
         """
         fields = self.fields
-        reader = self.assembly.share("stresses", lambda: StressReader(fields))
+        reader = self.tenure.assembly.share("stresses", lambda: StressReader(fields))
         with default_precision(fields.features.precision):
-            return reader.read() / diagnostics.volume_ratios(self, advanced=False)[:, None, None]
+            return reader.read() / self.volume_ratios(advanced=False)[:, None, None]
 
-    def clearance(self, index: int, pose: Pose | None = None) -> float:
-        """Return a lower bound [m] of the distance of the nearest particle from a collider, at a pose or where it is.
+    def clearance(self, index: int, pose: Pose) -> float:
+        """Return a lower bound [m] of the distance of the nearest particle from a collider at a pose.
 
         It is exact to a spacing of its lattice for a solid from a mesh, and exact for most other solids; a shell counts
         as the box that holds it. Negative where a particle is inside.
         """
-        fields, here = self.fields, self.paths.pose(index) if pose is None else check_pose("clearance", pose)
-        kernel = self.assembly.share(("clearance", index), lambda: ClearanceKernel(fields, index))
+        fields = self.fields
+        kernel = self.tenure.assembly.share(("clearance", index), lambda: ClearanceKernel(fields, index))
         with default_precision(fields.features.precision):
-            return kernel.read(here)
+            return kernel.read(pose)
 
     @property
     def contact_reach(self) -> float:
@@ -124,25 +117,14 @@ class Readings(AssemblyOwner):
 
         Angular ones are about the world's origin.
         """
-        return self.sums[: self.fields.rows.momentum]
-
-    def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
-        """Return the impulse [N s], [N m s] that a collider received in the last advance.
-
-        about: point [m] (3,), or None: the centre of a mobile collider as it moved, the origin of another at the end of
-        the advance.
-        """
-        here = self.paths.pose(index).position
-        if about is None and index in self.features.mobile:
-            return self.mobility.impulse(index)
-        return received(self.ledger[self.fields.rows.first_collider + index], here if about is None else about)
+        return self.progress.sums[: self.fields.rows.momentum]
 
     def passed_mass(self, index: int) -> np.ndarray:
         """Return the mass [kg] that each orifice of a collider has let through, (n_holes,), in their order.
 
         Counted from the start, or as a loaded state has it. Raises InvalidValue for a collider without orifices.
         """
-        rows = {collider: (first, last) for _, collider, first, last in self.features.orifice_rows}
+        rows = {collider: (first, last) for _, collider, first, last in self.fields.features.orifice_rows}
         if index not in rows or self.fields.orifices is None:
             raise InvalidValue(f"passed_mass: collider {index} has no orifices; with some: {sorted(rows)}")
         first, last = rows[index]
@@ -156,30 +138,58 @@ class Readings(AssemblyOwner):
         """
         if side not in SIDES:
             raise UnknownName("side", side, SIDES)
-        return received(self.sums[self.fields.rows.walls + SIDES.index(side)], np.zeros(3) if about is None else about)
+        row = self.progress.sums[self.fields.rows.walls + SIDES.index(side)]
+        return received(row, np.zeros(3) if about is None else about)
 
-    def momentum_after_advance(self) -> Momentum:
-        """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""
-        if self._momentum is None:
-            self._momentum = self.momentum()
-        return self._momentum
+    def volume_ratios(self, advanced: bool = True) -> np.ndarray:
+        """Return J (n,) of all particles. advanced: with the strain of the last velocities, see `_cauchy_green`."""
+        particles = self.particles
+        C = particles.read(particles.C).astype(float) * (1.0 if advanced else 0.0)
+        ratios = np.sqrt(np.linalg.det(self._cauchy_green(C)))
+        for body, chosen in self.ranges():
+            if body.material.state == "volume":
+                j = particles.read([particles.j])[chosen, 0].astype(float)
+                # as `advance_volume`
+                growth = np.exp(np.arcsinh(self.progress.substep * C[chosen][:, [0, 4, 8]].sum(1)))
+                ratios[chosen] = np.maximum((1.0 + j) * growth, LEAST_RATIO)
+        return ratios
+
+    def ranges(self) -> Iterator[tuple[Body, slice]]:
+        """Yield each body and the slice of its particles."""
+        first = 0
+        for body, count in zip(self.scene.bodies, self.particles.counts):
+            yield body, slice(first, first + count)
+            first += count
+
+    def strains(self, C: np.ndarray) -> np.ndarray:
+        """Return e = b - I of all particles, entries xx, yy, zz, xy, xz, yz (6, n), for C (n, 9).
+
+        A substep begins by adding the strain of the last velocities C: with it the strain is that of the positions.
+        """
+        e = np.ascontiguousarray(self.particles.read(self.particles.e).T, float)
+        a = np.ascontiguousarray((self.progress.substep * C).T)
+        rows = [(e[0], e[3], e[4]), (e[3], e[1], e[5]), (e[4], e[5], e[2])]
+        # (I + a) e + a, and that times (I + a)^T, and a^T
+        p = [[rows[i][k] + a[3 * i] * rows[0][k] + a[3 * i + 1] * rows[1][k] + a[3 * i + 2] * rows[2][k] + a[3 * i + k]
+              for k in range(3)] for i in range(3)]
+        return np.stack([p[i][k] + p[i][0] * a[3 * k] + p[i][1] * a[3 * k + 1] + p[i][2] * a[3 * k + 2] + a[3 * k + i]
+                         for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
+
+    def _cauchy_green(self, C: np.ndarray) -> np.ndarray:
+        """Return b (n, 3, 3) of all particles, the identity for fluids; see `strains`."""
+        if not self.particles.e:
+            return np.tile(np.eye(3), (len(C), 1, 1))
+        return np.eye(3) + self.strains(C).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+
+
+class Measured(Protocol):
+    """A solver, as observers know it."""
 
     @property
-    def contact_residual(self) -> float:
-        """Largest residual of the contact solves of mobile colliders in the last advance; 0 without such colliders.
+    def readings(self) -> Readings:
+        """Its readings."""
+        ...
 
-        Relative to the change of the collider's twist by contact. Above 0.01 `advance` warns.
-        """
-        return self.mobility.residual
-
-    def momentum(self) -> Momentum:
-        """Return the momentum of all particles, summed in float64."""
-        return diagnostics.compute_momentum(self)
-
-    def energy(self) -> Energy:
-        """Return the energy of all particles, summed in float64; the elastic part is each law's own."""
-        return diagnostics.compute_energy(self)
-
-    def diagnostics(self) -> Diagnostics:
-        """Return mass, momentum, energy, CFL number, and the numbers of escaped and non-finite particles."""
-        return diagnostics.compute_diagnostics(self)
+    def collider_pose(self, index: int) -> Pose:
+        """Return the pose of a collider."""
+        ...

@@ -1,13 +1,15 @@
 """Counts of particles in regions, near a collider and out of bounds, taken inside a launch."""
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from mpm.backend import put
 from mpm.geometry.region import Region
 from mpm.geometry.rigid_motion import Pose, check_pose
+from mpm.geometry.shape import Shape
 from mpm.observers.counter_kernel import (
     CLEARANCE,
     COUNTED,
@@ -18,10 +20,19 @@ from mpm.observers.counter_kernel import (
     NEWLY_EXITED,
     CounterKernel,
 )
+from mpm.observers.readings import Measured
 from mpm.scene.validation import read_array
 
 MAX_READINGS = 64
 """Readings in one advance."""
+
+
+class Counted(Measured, Protocol):
+    """A solver, as a counter knows it."""
+
+    def before_flags_change(self, counter: Any) -> None:
+        """Complete a pending checkpoint before the flags of an attached counter change."""
+        ...
 
 
 class Counts(NamedTuple):
@@ -49,41 +60,64 @@ class Counts(NamedTuple):
     """Distance [m] of each counted particle, and 1 where it is in the region (n, 2), float32, if asked for."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Counting:
+    """What a `RegionCounter` counts. Regions and points are fixed in the world, or in the frame that `place` moves."""
+
+    point: np.ndarray
+    """Point [m] (3,) that distances are measured to."""
+    weights: np.ndarray
+    """Weights (3,) of the axes in the Manhattan distance."""
+    region: Region
+    """Region in which particles are counted."""
+    bounds: Region
+    """Region that particles leave when they exit."""
+    inner: Region
+    """Region in the frame of the collider; a particle in it does not count as outside the bounds."""
+    index: int
+    """The collider."""
+    reach: float | None = None
+    """Distance [m] of the collider's surface within which particles count as near; None: not counted."""
+    points: np.ndarray | None = None
+    """Points (n, 3) [m] that are compared with the signed distance `probe`; None: no points."""
+    probe: Shape | None = None
+    """Signed distance in the collider's frame."""
+    margin: float = 0.0
+    """Distance [m] to the probe within which a point is counted."""
+    per_particle: bool = False
+    """Whether a reading has the values of each particle."""
+    latching: np.ndarray | None = None
+    """Indices of the counted particles whose exit from the bounds is counted and remembered; None: all."""
+
+
 class RegionCounter:
     """Counts the particles of a solver in regions, near a collider and out of bounds.
 
-    - counted: indices of the counted particles. latching: those of them whose exit from the bounds is counted and
-      remembered; None: all.
-    - point [m] (3,), weights (3,): `distance` is the weighted Manhattan distance to this point.
-    - region, bounds: fixed in the world, or in the frame that `place` moves. inner: fixed in the frame of collider
-      `index`; a particle in it does not count as outside the bounds.
-    - reach: particles within this distance [m] of the collider's surface count as near; None: not counted.
-    - points: (n, 3) [m], as region and bounds. They are probed: compared with the signed distance `probe`, in the
-      collider's frame, and a margin [m]. None: no points.
-    - per_particle: whether a reading has the values of each particle.
-
-    After `Solver.attach` it is evaluated within advances.
+    counted: indices of the counted particles. counting: the fields of `Counting`. After `Solver.attach` it is evaluated
+    within advances.
     """
 
-    def __init__(self, solver: Any, counted: np.ndarray, *, point: np.ndarray, weights: np.ndarray, region: Region,
-                 bounds: Region, inner: Region, index: int, reach: float | None = None,
-                 points: np.ndarray | None = None, probe: Any = None, margin: float = 0.0, per_particle: bool = False,
-                 latching: np.ndarray | None = None) -> None:
-        shape = solver.fields.colliders[index].sdf
-        self.solver, self.tenure, self.particles = solver, solver.tenure, solver.particles
-        self.index, self.per_particle = index, per_particle
+    def __init__(self, solver: Counted, counted: np.ndarray, **counting: Any) -> None:
+        given = Counting(**counting)
+        fields = solver.readings.fields
+        self._solver, self.tenure, self.particles = solver, solver.readings.tenure, fields.particles
+        self.index, self.per_particle = given.index, given.per_particle
         roles = np.zeros(self.particles.n_lanes, np.int8)
         roles[self.particles.index[counted]] = COUNTED
-        roles[self.particles.index[counted if latching is None else latching]] = COUNTED + LATCHING
-        near, n_points, looked_up = None if reach is None else shape, 0, None
-        if points is not None:
-            probe.lay_out()
-            n_points, looked_up = len(points), probe.signature()
-        self.kernel: CounterKernel = solver.assembly.take(
-            ("counter", index, reach, n_points, looked_up, margin, per_particle),
-            lambda: CounterKernel(solver.particles, index, near, reach or 0.0, probe, n_points, margin, per_particle))
-        self._point, self.frame = np.asarray(point, float), Pose.identity()
-        own = [region.row, bounds.row, inner.row, solver.grid.origin, weights, self.frame_numbers(self.frame)]
+        roles[self.particles.index[counted if given.latching is None else given.latching]] = COUNTED + LATCHING
+        near = None if given.reach is None else fields.colliders[given.index].sdf
+        n_points, looked_up = 0, None
+        if given.points is not None and given.probe is not None:
+            given.probe.lay_out()
+            n_points, looked_up = len(given.points), given.probe.signature()
+        self.kernel: CounterKernel = self.tenure.assembly.take(
+            ("counter", given.index, given.reach, n_points, looked_up, given.margin, given.per_particle),
+            lambda: CounterKernel(fields.particles, given.index, near, given.reach or 0.0, given.probe, n_points,
+                                  given.margin, given.per_particle))
+        region, bounds, inner, weights, points = given.region, given.bounds, given.inner, given.weights, given.points
+        origin, per_particle = np.asarray(fields.origin), given.per_particle
+        self._point, self.frame = np.asarray(given.point, float), Pose.identity()
+        own = [region.row, bounds.row, inner.row, origin, weights, self.frame_numbers(self.frame)]
         self.kernel.fill(np.concatenate(own), roles, points)
         self._out, self._frame_numbers = np.zeros((COUNTER_ROWS, 6)), np.zeros(FRAME_NUMBERS)
         self.slots = self.particles.index[counted]
@@ -114,7 +148,7 @@ class RegionCounter:
 
     def state(self) -> np.ndarray:
         """Return the flags (n_particles,), int8, that particles keep between readings."""
-        self.solver.check_open(self.tenure)
+        self.tenure.check_open()
         return self.kernel.flags.to_numpy()[self.particles.index]
 
     def load(self, state: np.ndarray) -> None:
@@ -126,14 +160,13 @@ class RegionCounter:
 
     def _set_state_aside(self) -> None:
         """Complete a pending checkpoint of the solver before the flags change; raise InvalidValue if it is closed."""
-        self.solver.check_open(self.tenure)
-        if self.solver.counter is self:
-            self.solver.rollback.store_pending()
+        self.tenure.check_open()
+        self._solver.before_flags_change(self)
 
     def read(self) -> Counts:
         """Return the counts of the current state."""
         self._set_state_aside()
-        pose: Pose = self.solver.collider_pose(self.index)
+        pose: Pose = self._solver.collider_pose(self.index)
         self._out[:] = 0.0
         self.kernel.sum_now(np.concatenate([pose.position, pose.matrix.ravel()]), self._out, self._per_particle)
         return self.counts_from(self._out, self._per_particle[0])

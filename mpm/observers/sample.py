@@ -1,10 +1,9 @@
 """Positions and velocities of chosen particles in one array, filled by one launch."""
 
-from typing import Any
-
 import numpy as np
 
 from mpm.backend import is_shared, put, ti
+from mpm.observers.readings import Measured
 from mpm.state.packs import LANES
 from mpm.state.particles import ParticleFields
 
@@ -45,17 +44,18 @@ class Sample:
     chosen: indices (n,).
     """
 
-    def __init__(self, solver: Any, chosen: np.ndarray) -> None:  # a Solver, which stands above
-        self.solver, self.tenure, particles, count = solver, solver.tenure, solver.particles, len(chosen)
-        x, y, z = (float(c) for c in solver.grid.origin)
-        self.kernel: SampleKernel = solver.assembly.take(("sample", count),
-                                                         lambda: SampleKernel(particles, count, (x, y, z)))
+    def __init__(self, solver: Measured, chosen: np.ndarray) -> None:
+        readings = solver.readings
+        self.tenure, particles, count = readings.tenure, readings.particles, len(chosen)
+        origin = readings.fields.origin
+        self.kernel: SampleKernel = self.tenure.assembly.take(("sample", count),
+                                                              lambda: SampleKernel(particles, count, origin))
         put(self.kernel.slots, particles.index[chosen].astype(np.int32))
         self.values = np.zeros((count, 6), np.float32)
         """Positions [m] and velocities [m/s] as last read, shape (n, 6)."""
 
     def read(self) -> np.ndarray:
         """Read the present state; return `values`."""
-        self.solver.check_open(self.tenure)
+        self.tenure.check_open()
         self.kernel.copy(self.values)
         return self.values

@@ -1,18 +1,16 @@
 """Checks of what a rollout can differentiate, and of its arguments."""
 
-import math
-from typing import Any
-
 from mpm.errors import InvalidValue
 from mpm.rollout.phases import phases_without_adjoint
+from mpm.stepping.core import Core
 
 
-def check_differentiable(solver: Any) -> None:  # a Solver, which stands above
+def check_differentiable(core: Core) -> None:
     """Raise InvalidValue for a scene with something that has no adjoint."""
-    features = solver.features
+    features = core.features
     if not features.serial:
         raise InvalidValue("Rollout: the solver has several threads; accepted: one of mpm.init(threads=1)")
-    missing = [phase.because for phase in phases_without_adjoint(solver.fields)]
+    missing = [phase.because for phase in phases_without_adjoint(core.fields)]
     missing += ["a body acceleration"] if features.body_acceleration else []
     if missing:
         raise InvalidValue(f"Rollout: the scene has {missing[0]}, which is not differentiated; accepted: "
@@ -20,11 +18,11 @@ def check_differentiable(solver: Any) -> None:  # a Solver, which stands above
     if len(features.moving_colliders) > 1:
         raise InvalidValue(f"Rollout: {len(features.moving_colliders)} colliders can move; accepted: one tool at most, "
                            f"the others static")
-    for body in solver.bodies:
+    for body in core.scene.bodies:
         law = type(body.material)
         for function in ["stress", "return_mapping"] if law.plastic else ["stress"]:
             check_adjoint(law, function, "a law", "mpm.materials.material.Material")
-    for condition in solver.fields.wall_conditions:
+    for condition in core.fields.wall_conditions:
         check_adjoint(type(condition), "slide", "a wall condition", "mpm.scene.wall_condition.WallCondition")
 
 
@@ -44,20 +42,3 @@ def check_adjoint(owner: type, function: str, what: str, protocol: str) -> None:
     if reason:
         raise InvalidValue(f"Rollout: {owner.__name__} {reason}; {what} is differentiated through its own adjoints, "
                            f"see {protocol}")
-
-
-def check_arguments(n_steps: int, step_dt: float, substeps: int | None, window: int | None, limit: float | None,
-                    soft: float) -> None:
-    """Raise InvalidValue for arguments of `Rollout` out of range."""
-    if n_steps != int(n_steps) or n_steps < 1:
-        raise InvalidValue(f"Rollout: n_steps = {n_steps}; accepted: a whole number, 1 or more")
-    if not step_dt > 0 or not math.isfinite(step_dt):
-        raise InvalidValue(f"Rollout: step_dt = {step_dt} s; accepted: a positive time")
-    if substeps is not None and (substeps != int(substeps) or substeps < 1):
-        raise InvalidValue(f"Rollout: substeps = {substeps}; accepted: a whole number, 1 or more, or None")
-    if window is not None and window < 1:
-        raise InvalidValue(f"Rollout: window = {window} steps; accepted: 1 or more, or None")
-    if limit is not None and not limit > 0:
-        raise InvalidValue(f"Rollout: limit = {limit}; accepted: a positive number, or None")
-    if not 0 <= soft < math.inf:
-        raise InvalidValue(f"Rollout: soft = {soft}; accepted: 0 or more")

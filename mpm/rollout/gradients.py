@@ -6,7 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mpm.errors import InvalidValue
+from mpm.rollout.kernel import AdjointKernel
 from mpm.rollout.tool_twists import TwistGradient
+from mpm.scene.body import Body
 
 DIFFERENCE = 1e-6
 """Relative step of the central differences through a law's `parameters`, in double precision."""
@@ -24,13 +26,13 @@ class Gradients(NamedTuple):
     """Norms of the derivatives with respect to positions [1/m] and velocities [s/m] before each step (n_steps, 2)."""
 
 
-def material_gradients(solver: Any, kernel: Any) -> list[dict[str, float]]:
+def material_gradients(bodies: list[Body], kernel: AdjointKernel) -> list[dict[str, float]]:
     """Return for each body the derivatives of the loss with respect to its parameters except density."""
     if not kernel.materials:
         return []
     bars = kernel.parameter_bars.to_numpy()
     gradients = []
-    for body, bar in zip(solver.bodies, bars):
+    for body, bar in zip(bodies, bars):
         law, slopes = body.material, {}
         for field in dataclasses.fields(law):
             value = getattr(law, field.name)

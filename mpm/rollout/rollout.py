@@ -4,6 +4,7 @@ import contextlib
 import math
 import weakref
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from mpm.geometry.rigid_motion import COLUMNS, Pose
 from mpm.materials.stable_step import accepted_bound, check_step, travel_bound
 from mpm.observers.diagnostics import describe_divergence
 from mpm.rollout import tool_twists
-from mpm.rollout.differentiable import check_arguments, check_differentiable
+from mpm.rollout.differentiable import check_differentiable
 from mpm.rollout.gradients import Gradients, material_gradients
 from mpm.rollout.kernel import AdjointKernel
 from mpm.rollout.losses import Loss, LossGradient, RolloutStates
@@ -22,6 +23,7 @@ from mpm.rollout.schedule import Schedule, plan_schedule
 from mpm.scene.validation import read_real
 from mpm.state.packs import LANES
 from mpm.state.particles import SPEED_LIMIT
+from mpm.stepping.core import HasCore
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import MAX_SUBSTEPS, longest_stride
 
@@ -29,49 +31,79 @@ BUDGET = 1_000_000_000
 """Bytes that the states of a rollout may take."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class RolloutOptions:
+    """How a rollout is computed; raises InvalidValue for numbers out of range."""
+
+    step_dt: float = 2e-3
+    """Time [s] of a step."""
+    budget: int = BUDGET
+    """Largest memory [bytes] of the stored states; see `schedule`."""
+    materials: bool = False
+    """Whether to compute derivatives with respect to material parameters too."""
+    limit: float | None = None
+    """Each entry of the state's adjoint is clipped to +-limit in every substep; None: not clipped."""
+    window: int | None = None
+    """The state's adjoint is set to zero every `window` steps; None: never."""
+    soft: float = 0.0
+    """Relative width over which derivatives smooth the yield surface; 0: not smoothed."""
+    svd: bool = False
+    """Differentiate the strain as autodiff of a singular value decomposition does; for comparison only."""
+    substeps: int | None = None
+    """Number per step; None: from the solver's dt."""
+
+    def __post_init__(self) -> None:
+        if not self.step_dt > 0 or not math.isfinite(self.step_dt):
+            raise InvalidValue(f"Rollout: step_dt = {self.step_dt} s; accepted: a positive time")
+        if self.substeps is not None and (self.substeps != int(self.substeps) or self.substeps < 1):
+            raise InvalidValue(f"Rollout: substeps = {self.substeps}; accepted: a whole number, 1 or more, or None")
+        if self.window is not None and self.window < 1:
+            raise InvalidValue(f"Rollout: window = {self.window} steps; accepted: 1 or more, or None")
+        if self.limit is not None and not self.limit > 0:
+            raise InvalidValue(f"Rollout: limit = {self.limit}; accepted: a positive number, or None")
+        if not 0 <= self.soft < math.inf:
+            raise InvalidValue(f"Rollout: soft = {self.soft}; accepted: 0 or more")
+
+
 class Rollout:
-    """Simulation over `n_steps` steps of `step_dt` [s] from the solver's current state, with gradients.
+    """Simulation over `n_steps` steps from the solver's current state, with gradients.
 
-    The tool is the only moving collider, if there is one; its twist is constant in each step.
-
-    - budget: largest memory [bytes] of the stored states; see `schedule`.
-    - materials: whether to compute derivatives with respect to material parameters too.
-    - limit: each entry of the state's adjoint is clipped to +-limit in every substep; None: not clipped.
-    - window: the state's adjoint is set to zero every `window` steps; None: never.
-    - soft: relative width over which derivatives smooth the yield surface; 0: not smoothed.
-    - svd: differentiate the strain as autodiff of a singular value decomposition does; for comparison only.
-    - substeps: number per step; None: from the solver's dt.
+    The tool is the only moving collider, if there is one; its twist is constant in each step. options: the fields of
+    `RolloutOptions`, such as `step_dt` [s].
 
     The length of strides is constant in the gradient. A rollout compiles its kernels: make one and call
     `restart`; `close` frees its memory. Raises InvalidValue for a scene or an argument that is not accepted.
     """
 
-    def __init__(self, solver: Any, n_steps: int, *, step_dt: float = 2e-3, budget: int = BUDGET,
-                 materials: bool = False, limit: float | None = None, window: int | None = None,
-                 soft: float = 0.0, svd: bool = False, substeps: int | None = None) -> None:
-        check_differentiable(solver)
-        check_arguments(n_steps, step_dt, substeps, window, limit, soft)
-        self.solver, self.n_steps, self.step_dt, self.window = solver, int(n_steps), float(step_dt), window
-        self.substeps = substeps or max(1, math.ceil(step_dt / solver.dt - 1e-9))
-        longest_dt = min(accepted_bound(solver.grid.cell, body.material) for body in solver.bodies)
+    def __init__(self, solver: HasCore, n_steps: int, **options: Any) -> None:
+        core = solver.core
+        check_differentiable(core)
+        if n_steps != int(n_steps) or n_steps < 1:
+            raise InvalidValue(f"Rollout: n_steps = {n_steps}; accepted: a whole number, 1 or more")
+        given = RolloutOptions(**options)
+        step_dt = given.step_dt
+        self.solver, self._core, self.n_steps = solver, core, int(n_steps)
+        self.step_dt, self.window = float(step_dt), given.window
+        self.substeps = given.substeps or max(1, math.ceil(step_dt / core.dt - 1e-9))
+        longest_dt = min(accepted_bound(core.scene.grid.cell, body.material) for body in core.scene.bodies)
         if self.step_dt / self.substeps > longest_dt:
             raise InvalidValue(f"Rollout: {self.substeps} substeps of a step of {step_dt} s; accepted: "
                                f"{math.ceil(step_dt / longest_dt)} or more")
-        states, count = solver.particles.state_fields, solver.particles.pack_count
-        size = StateBank.bytes_per_state(states, solver.precision)
-        self.schedule: Schedule = plan_schedule(self.n_steps, self.substeps, size, budget)
-        with default_precision(solver.precision), allocating() as group:
+        states, count = core.fields.particles.state_fields, core.fields.particles.pack_count
+        size = StateBank.bytes_per_state(states, core.precision)
+        self.schedule: Schedule = plan_schedule(self.n_steps, self.substeps, size, given.budget)
+        with default_precision(core.precision), allocating() as group:
             self._history = StateBank(states, count, self.schedule.slots)
             self._checkpoints = StateBank(states, count, self.schedule.checkpoints)
-            longest = min(longest_stride(solver.transfer_interval, self.step_dt / self.substeps), self.substeps)
-            depth = longest if solver.features.strides else 1
-            self._kernel = AdjointKernel(solver.fields, self._history, depth=depth, materials=materials,
-                                         limit=limit, soft=soft, svd=svd)
+            longest = min(longest_stride(core.transfer_interval, self.step_dt / self.substeps), self.substeps)
+            depth = longest if core.features.strides else 1
+            self._kernel = AdjointKernel(core.fields, self._history, depth=depth, materials=given.materials,
+                                         limit=given.limit, soft=given.soft, svd=given.svd)
             self._bars = StateBank(self._kernel.state_bars, count, 1)
         self._group = group
         self._free = weakref.finalize(self, free_later, group)
         self._free.atexit = False
-        self._tool = solver.features.moving_colliders[0] if solver.features.moving_colliders else None
+        self._tool = core.features.moving_colliders[0] if core.features.moving_colliders else None
         self.forward_steps = 0
         """Steps simulated by the last call: n_steps, and those repeated for the gradient."""
         self.last: Gradients | None = None
@@ -84,9 +116,9 @@ class Rollout:
 
     def restart(self) -> None:
         """Set the start of the rollout to the solver's current state."""
-        self.start = self.solver.state()
-        self.solver.load(self.start)
-        with default_precision(self.solver.precision):
+        self.start = self._core.state()
+        self._core.load(self.start)
+        with default_precision(self._core.precision):
             self._checkpoints.store_now(0)
 
     # the public pair -------------------------------------------------------------------------------------------------
@@ -104,7 +136,7 @@ class Rollout:
                 self._forward(begin, end)
                 total += self._evaluate(begin, end, loss).value
                 self._continue_from(end - begin)
-            self.solver.load(self._end())
+            self._core.load(self._end())
         return total
 
     def value_and_grad(self, linear: np.ndarray | None, angular: np.ndarray | None,
@@ -130,10 +162,11 @@ class Rollout:
                 error.norms = self._norms[:, :2]
                 raise
             assert self._end_state is not None
-            self.solver.load(self._end_state)
+            self._core.load(self._end_state)
         gradient = tool_twists.differentiate_twists(self._path, self._linear, self._angular, self.step_dt,
                                                     self._table_bar, self._pose_bar)
-        self.last = Gradients(self._total, gradient, material_gradients(self.solver, self._kernel), self._norms[:, :2])
+        materials = material_gradients(self._core.scene.bodies, self._kernel)
+        self.last = Gradients(self._total, gradient, materials, self._norms[:, :2])
         return self._total, (gradient.linear, gradient.angular)
 
     @contextlib.contextmanager
@@ -142,7 +175,7 @@ class Rollout:
         try:
             yield
         except BaseException:
-            self.solver.load(self.start)
+            self._core.load(self.start)
             raise
 
     # forwards --------------------------------------------------------------------------------------------------------
@@ -159,23 +192,23 @@ class Rollout:
                 raise InvalidValue(f"Rollout: {name}[{step}, {axis}] = {array[step, axis]}; accepted: finite numbers")
             if self._tool is None and array.any():
                 raise InvalidValue(f"Rollout: {name} moves a tool, and the scene has none; accepted: None")
-        check_step(self.step_dt / self.substeps, self.solver.grid.cell,
-                   [body.material for body in self.solver.bodies], "of the materials now")
+        check_step(self.step_dt / self.substeps, self._core.scene.grid.cell,
+                   [body.material for body in self._core.scene.bodies], "of the materials now")
         self._linear, self._angular = arrays
         start = Pose.identity()
         if self._tool is not None:
             row = self.start["poses"][self._tool]
             start = Pose(row[:3], row[3:])
-            radius = self.solver.colliders[self._tool].sdf.radius
+            radius = self._core.scene.colliders[self._tool].sdf.radius
             speeds = np.linalg.norm(arrays[0], axis=1) + radius * np.linalg.norm(arrays[1], axis=1)
-            longest = travel_bound(self.solver.grid.cell, float(speeds.max()))
+            longest = travel_bound(self._core.scene.grid.cell, float(speeds.max()))
             if self.step_dt / self.substeps > longest * (1 + 1e-9):
                 raise InvalidValue(f"Rollout: a tool at {speeds.max():.3g} m/s needs "
                                    f"{math.ceil(self.step_dt / longest)} substeps a step; give substeps= that many, "
                                    f"now {self.substeps}")
         self._path = tool_twists.integrate_twists(start, *arrays, self.step_dt)
         table = tool_twists.motion_rows_of_path(self._path, *arrays, self.step_dt, self.substeps)
-        self._table = table.astype(self.solver.dtype)
+        self._table = table.astype(self._core.dtype)
         self.forward_steps = 0
 
     def _pieces(self, begin: int, end: int) -> list[tuple[int, int]]:
@@ -185,27 +218,28 @@ class Rollout:
 
     def _start_from(self, checkpoint: int) -> None:
         """Copy a checkpoint to the history's first slot; 0 is the start."""
-        with default_precision(self.solver.precision):
+        with default_precision(self._core.precision):
             self._history.copy_from(self._checkpoints, checkpoint, 0)
 
     def _continue_from(self, steps: int) -> None:
         """Copy the state after so many steps to the first slot."""
-        with default_precision(self.solver.precision):
+        with default_precision(self._core.precision):
             self._history.copy_from(self._history, steps * self.substeps, 0)
 
     def _forward(self, begin: int, end: int) -> None:
         """Run steps from the state in slot 0; every state is stored in the slot after."""
-        empty, dt = np.zeros((1, 6, 1, LANES), self.solver.dtype), self.step_dt / self.substeps
+        empty, dt = np.zeros((1, 6, 1, LANES), self._core.dtype), self.step_dt / self.substeps
         for first, last in self._split_launches(begin, end):
             n = (last - first) * self.substeps
             motion = self._table[first:last].reshape(-1, COLUMNS)
             out = self._launch(1, (first - begin) * self.substeps, n, motion, empty, np.zeros((1, COLUMNS)),
                                np.zeros((1, 3)))
-            squares, fastest = out[self.solver.fields.rows.status, :2]
-            if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
-                self.solver.time = float(self.start["time"]) + last * self.step_dt
-                self.solver.steps = int(self.start["steps"]) + last * self.substeps
-                raise describe_divergence(self.solver, dt)
+            squares, fastest = out[self._core.fields.rows.status, :2]
+            if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self._core.scene.grid.cell:
+                progress = self._core.progress
+                progress.time = float(self.start["time"]) + last * self.step_dt
+                progress.steps = int(self.start["steps"]) + last * self.substeps
+                raise describe_divergence(self._core.readings, dt)
         self.forward_steps += end - begin
 
     def _split_launches(self, begin: int, end: int) -> list[tuple[int, int]]:
@@ -215,21 +249,21 @@ class Rollout:
 
     def _launch(self, forward: int, first: int, n: int, motion: np.ndarray, loss_bar: np.ndarray,
                 motion_bar: np.ndarray, norms: np.ndarray) -> np.ndarray:
-        solver = self.solver
-        out, stamp = np.zeros((solver.fields.rows.count, 6)), solver.fields.substep_counter.take(2 * n + 2)
-        with default_precision(solver.precision):
+        fields = self._core.fields
+        out, stamp = np.zeros((fields.rows.count, 6)), fields.substep_counter.take(2 * n + 2)
+        with default_precision(self._core.precision):
             self._kernel.run(forward, first, n, self.substeps, stamp, self.step_dt / self.substeps,
                             np.ascontiguousarray(motion[None]), loss_bar, motion_bar, norms, np.zeros((1, 1)), out)
         return out
 
     def _evaluate(self, begin: int, end: int, loss: Loss) -> LossGradient:
         """Evaluate the loss over steps whose states lie in the history."""
-        particles, n = self.solver.particles, end - begin
-        packed = np.zeros((n, 6, particles.n_packs, LANES), self.solver.dtype)
-        with default_precision(self.solver.precision):
+        particles, n = self._core.fields.particles, end - begin
+        packed = np.zeros((n, 6, particles.n_packs, LANES), self._core.dtype)
+        with default_precision(self._core.precision):
             self._kernel.read(self.substeps, packed)
         states = packed.reshape(n, 6, -1)[:, :, particles.index].swapaxes(1, 2).astype(float)
-        positions = states[..., :3] + self.solver.grid.origin
+        positions = states[..., :3] + self._core.scene.grid.origin
         bars = loss(RolloutStates(np.arange(begin + 1, end + 1), positions, states[..., 3:],
                          self._path.positions[begin + 1 : end + 1], self._path.matrices[begin + 1 : end + 1]))
         for name, array, shape in (("x", bars.x, states[..., :3].shape), ("v", bars.v, states[..., :3].shape),
@@ -244,11 +278,11 @@ class Rollout:
 
     def _end(self) -> dict[str, np.ndarray]:
         """Return the solver's state at the end of the rollout, which its fields hold."""
-        solver = self.solver
+        particles = self._core.fields.particles
         poses = self.start["poses"].copy()
         if self._tool is not None:
             poses[self._tool] = np.concatenate(self._path.pose(self.n_steps))
-        named = {name: solver.particles.read(fields) for name, fields in solver.particles.named_fields().items()}
+        named = {name: particles.read(fields) for name, fields in particles.named_fields().items()}
         return self.start | named | {
             "poses": poses, "time": self.start["time"] + self.n_steps * self.step_dt,
             "steps": self.start["steps"] + self.n_steps * self.substeps}
@@ -275,7 +309,7 @@ class Rollout:
             for b, e in self._pieces(cuts[k], cuts[k + 1]):
                 self._forward(b, e)
                 self._continue_from(e - b)
-            with default_precision(self.solver.precision):
+            with default_precision(self._core.precision):
                 self._checkpoints.copy_from(self._history, 0, places[k + 1])
         for k in reversed(range(len(cuts) - 1)):
             self._differentiate(cuts[k], cuts[k + 1], level + 1, places[k])
@@ -300,7 +334,7 @@ class Rollout:
         for b, e in reversed(self._split_launches(first, last)):
             n = (e - b) * self.substeps
             motion_bar, norms = np.zeros((n, COLUMNS)), np.zeros((e - begin, 3))
-            with default_precision(self.solver.precision):
+            with default_precision(self._core.precision):
                 self._bars.store_now(0)
             self._launch(0, (b - begin) * self.substeps, n, self._table[b:e].reshape(-1, COLUMNS), loss_bar, motion_bar,
                          norms)
@@ -311,8 +345,8 @@ class Rollout:
 
     def _pack(self, bars: LossGradient, steps: int) -> np.ndarray:
         """Return the loss's adjoints of positions and velocities in packs (steps, 6, packs, LANES)."""
-        particles = self.solver.particles
-        packed = np.zeros((steps, 6, particles.n_lanes), self.solver.dtype)
+        particles = self._core.fields.particles
+        packed = np.zeros((steps, 6, particles.n_lanes), self._core.dtype)
         for first, array in ((0, bars.x), (3, bars.v)):
             if array is not None:
                 packed[:, first : first + 3, particles.index] = np.swapaxes(array, 1, 2)
@@ -320,9 +354,9 @@ class Rollout:
 
     def _locate(self, begin: int, first: int, last: int, loss_bar: np.ndarray) -> GradientDiverged:
         """Reverse stride by stride until something is not finite; return what, and at the start of which stride."""
-        with default_precision(self.solver.precision):
+        with default_precision(self._core.precision):
             self._bars.restore_now(0)
-        rows, particles = self._table.reshape(-1, COLUMNS), self.solver.particles
+        rows, particles = self._table.reshape(-1, COLUMNS), self._core.fields.particles
         quantity, particle, end = "the tool's motion", -1, last * self.substeps
         begins = self._kernel.begin.to_numpy()
         while end > first * self.substeps:  # back by a stride

@@ -1,22 +1,13 @@
-"""What a scene has. Kernels read features inside `ti.static` only: what is absent is not compiled."""
+"""Features of a scene. Kernels read them inside `ti.static` only: code for absent ones is not compiled."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from mpm.backend import PRECISIONS, is_concurrent, is_shared, session_precision
-from mpm.errors import InvalidValue, UnknownName
-from mpm.materials.hencky_strain import INTEGRATORS
+from mpm.backend import is_concurrent, is_shared
+from mpm.errors import InvalidValue
 from mpm.scene.body import Body
-from mpm.scene.collider import Collider
-from mpm.scene.grid import Grid
-from mpm.scene.validation import describe
-from mpm.scene.walls import Walls
-
-Contact = Literal["near", "touching"]
-CONTACTS = ("near", "touching")
-"""What nodes a solid stops: all that are near it, or those whose material touches one of its faces."""
+from mpm.scene.scene import Numerics, Scene
 
 
 @dataclass(frozen=True)
@@ -82,59 +73,16 @@ class Features:
         return tuple((b, self.moving_colliders.index(index)) for b, index in enumerate(self.mobile))
 
 
-def check_scene(grid: Grid, bodies: list[Body], colliders: list[Collider] | None, walls: Walls | None) -> None:
-    """Raise InvalidValue for arguments of `Solver` of other types, and for particles outside the grid."""
-    for name, given, accepted, kind in (("grid", grid, "mpm.Grid(lower, upper, cell)", Grid),
-                                        ("walls", walls, 'mpm.Walls, such as mpm.Walls.all("slip"), or None', Walls)):
-        if not isinstance(given, kind) and not (name == "walls" and given is None):
-            raise InvalidValue(f"Solver: {name} = {describe(given)}; accepted: {accepted}")
-    _check_list("bodies", bodies, Body)
-    check_colliders(colliders or [])
-    for body in bodies:
-        grid.check_inside(np.asarray(body.positions, float))
-
-
-def check_colliders(colliders: list[Collider]) -> None:
-    """Raise InvalidValue for anything but a list of colliders."""
-    _check_list("colliders", colliders, Collider)
-
-
-def _check_list(name: str, given: object, kind: type) -> None:
-    """Raise InvalidValue for anything but a list of a kind."""
-    if not isinstance(given, list | tuple):
-        raise InvalidValue(f"Solver: {name} = {describe(given)}; accepted: a list of mpm.{kind.__name__}")
-    for place, one in enumerate(given):
-        if not isinstance(one, kind):
-            raise InvalidValue(f"Solver: {name}[{place}] = {describe(one)}; accepted: mpm.{kind.__name__}")
-
-
-def choose_numerics(bodies: list[Body], precision: str | None, integrator: str | None) -> tuple[str, str]:
-    """Return precision and integrator of a scene, see `Solver`; raises UnknownName, and InvalidValue without a body."""
-    session = session_precision()  # starts the backend, whatever precision is given
-    chosen = precision or session
-    if chosen not in PRECISIONS:
-        raise UnknownName("precision", precision, PRECISIONS)
-    if not bodies:
-        raise InvalidValue("Solver: bodies is empty; give at least one Body")
-    takes_logarithms = any(body.material.state == "hencky" for body in bodies)
-    integrates = integrator or ("auto" if chosen == "f32" and takes_logarithms else "exact")
-    if integrates not in INTEGRATORS:
-        raise UnknownName("integrator", integrator, INTEGRATORS)
-    return chosen, integrates
-
-
-def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,
-                body_acceleration: bool, strides: bool, sleep: bool = False, contact: Contact = "near") -> Features:
+def features_of(scene: Scene, numerics: Numerics, *, strides: bool = True, body_acceleration: bool = False) -> Features:
     """Derive the features of a scene.
 
-    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations; for one with orifices on a
-    GPU, and with a fluid; for fluids of several `volume_rate`, and with sleeping for one of "cell"; UnknownName for a
-    contact that is not in CONTACTS.
+    numerics: with precision and integrator chosen. Raises InvalidValue for a scene with sleeping on a GPU, and with
+    body accelerations; for one with orifices on a GPU, and with a fluid; for fluids of several `volume_rate`, and with
+    sleeping for one of "cell".
     """
-    if contact not in CONTACTS:
-        raise UnknownName("contact", contact, CONTACTS)
+    bodies, colliders, sleep = scene.bodies, scene.colliders, bool(numerics.sleep)
     thin = [c.sdf.is_thin for c in colliders]
-    mobile, periodic = tuple(i for i, c in enumerate(colliders) if c.mobile), walls.periodic
+    mobile, periodic = tuple(i for i, c in enumerate(colliders) if c.mobile), scene.walls.periodic
     if sleep and is_shared():
         raise InvalidValue("Solver: sleep on a GPU; accepted there: sleep=False, or mpm.init(arch=\"cpu\")")
     if sleep and body_acceleration:
@@ -148,7 +96,7 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
             raise InvalidValue(f"Solver: collider {orifices[0][0]} has orifices, and bodies[{place}] is a fluid, which "
                                "does not flow by Beverloo's law; accepted: granular materials")
     return Features(
-        precision=precision, integrator=integrator,
+        precision=numerics.precision or "", integrator=numerics.integrator or "",
         volume_correction=any(b.material.has_volume_correction for b in bodies),
         tensor_state=any(b.material.state != "volume" for b in bodies),
         volume_state=any(b.material.state == "volume" for b in bodies),
@@ -158,7 +106,7 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         shells=tuple(i for i in range(len(colliders)) if thin[i]),
         mobile=mobile,
         static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]),
-        sleep=sleep, touching=contact == "touching" and any(not t for t in thin),
+        sleep=sleep, touching=numerics.contact == "touching" and any(not t for t in thin),
         orifices=orifices, cell_rates=_has_cell_rates(bodies, sleep),
     )
 

@@ -17,7 +17,7 @@ from mpm.errors import (
 )
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
-from mpm.scene.grid import Grid
+from mpm.scene.scene import Scene
 
 CELLS_IN_A_PASSAGE = 4
 """Cells that particles need between two walls to flow."""
@@ -37,19 +37,20 @@ PLACES, WINDOW = 4, 200
 """How many places of a body its spacing is measured at, and the particles around each."""
 
 
-def warn_of_scene(grid: Grid, bodies: list[Body], colliders: list[Collider], gravity: np.ndarray) -> None:
+def warn_of_scene(scene: Scene) -> None:
     """Warn of bodies that overlap, are coarse or soft, and of colliders that jam, leak or hold particles in them."""
-    for i, first in enumerate(bodies):
-        for j in range(i + 1, len(bodies)):
-            _warn_of_overlap(i, first, j, bodies[j])
-        _warn_of_compression(i, first, gravity)
-        _warn_of_spacing(i, first, grid.cell)
-    warn_of_colliders(grid, bodies, colliders, stacklevel=5)
+    for i, first in enumerate(scene.bodies):
+        for j in range(i + 1, len(scene.bodies)):
+            _warn_of_overlap(i, first, j, scene.bodies[j])
+        _warn_of_compression(i, first, scene.gravity)
+        _warn_of_spacing(i, first, scene.grid.cell)
+    warn_of_colliders(scene, stacklevel=5)
 
 
-def warn_of_colliders(grid: Grid, bodies: list[Body], colliders: list[Collider], stacklevel: int = 4) -> None:
+def warn_of_colliders(scene: Scene, stacklevel: int = 4) -> None:
     """Warn of gaps through which particles cannot flow, walls through which they can, and particles in solids."""
-    for k, collider in enumerate(colliders):
+    grid = scene.grid
+    for k, collider in enumerate(scene.colliders):
         width = collider.sdf.passage
         if width < CELLS_IN_A_PASSAGE * grid.cell:
             _warn(NarrowPassage, f"collider {k} has a passage of {1e3 * width:.1f} mm, {width / grid.cell:.1f} cells: "
@@ -61,7 +62,7 @@ def warn_of_colliders(grid: Grid, bodies: list[Body], colliders: list[Collider],
             _warn(ThinSolid, f"collider {k} is static and {1e3 * thickness:.2g} mm thin, {thickness / grid.cell:.1f} "
                   f"cells: particles on its two sides feel each other, and can pass; make it {CELLS_IN_A_SOLID} cells "
                   f"thick, give static = False, or make it an mpm.Shell", stacklevel)
-        for i, body in enumerate(bodies):
+        for i, body in enumerate(scene.bodies):
             _warn_of_grains_inside(i, body, k, collider, stacklevel)
 
 

@@ -1,20 +1,20 @@
 """All run-time fields of a scene, typed: what the phases of a substep are handed."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from mpm.backend import is_shared, real_type, ti
+from mpm.backend import is_shared, real_type, thread_count, ti
 from mpm.materials.hencky_strain import INTEGRATORS
 from mpm.materials.material import Material
-from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.features import Features
 from mpm.scene.grid import GHOST, Grid
+from mpm.scene.scene import Scene
 from mpm.scene.wall_condition import WallCondition
-from mpm.scene.walls import Walls, conditions_of
+from mpm.scene.walls import conditions_of
 from mpm.state.active_blocks import SubstepCounter
 from mpm.state.contact_fields import MobileContact, OrificeFields, PenetratingParticles, ShellFields, StaticContact
 from mpm.state.ledger import LedgerRows, ledger_rows
@@ -118,21 +118,23 @@ class Fields:
                           ti.cast(self.origin[2], ti.f64)])
 
 
-def scene_key(grid: Grid, bodies: list[Body], colliders: Sequence[Collider], walls: Walls, features: Features,
-              parts: int) -> Hashable:
+def count_parts(features: Features) -> int:
+    """Return the arrays that threads of a CPU scatter to, one each; 0 for one thread, and on a GPU."""
+    return 0 if features.serial or is_shared() else thread_count()
+
+
+def scene_key(scene: Scene, features: Features) -> Hashable:
     """Return what two scenes must share to share fields and kernels: all that is compiled in or gives a size."""
-    return (features, parts, grid.shape, tuple(grid.cells.tolist()), tuple(grid.origin.tolist()), grid.cell,
-            tuple((type(body.material), len(body.positions)) for body in bodies),
-            tuple(type(condition) for condition in conditions_of(walls)),
-            tuple(collider.sdf.signature() for collider in colliders))
+    grid = scene.grid
+    return (features, count_parts(features), grid.shape, tuple(grid.cells.tolist()), tuple(grid.origin.tolist()),
+            grid.cell, tuple((type(body.material), len(body.positions)) for body in scene.bodies),
+            tuple(type(condition) for condition in conditions_of(scene.walls)),
+            tuple(collider.sdf.signature() for collider in scene.colliders))
 
 
-def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider], walls: Walls, features: Features,
-                    parts: int) -> Fields:
-    """Allocate the fields that a scene asks for; inside `backend.allocating`, and with the colliders' own laid out.
-
-    parts: see `Fields`.
-    """
+def allocate_fields(scene: Scene, features: Features) -> Fields:
+    """Allocate the fields that a scene asks for; inside `backend.allocating`, and with the colliders' own laid out."""
+    grid, bodies, colliders, parts = scene.grid, scene.bodies, scene.colliders, count_parts(features)
     precision = features.precision
     particles = ParticleFields(tuple(len(body.positions) for body in bodies), features)
     nodes = GridFields(grid, precision, 2 if features.shells else 1, features.serial, parts)
@@ -154,7 +156,7 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
     x, y, z = (float(c) for c in grid.origin)
     return Fields(
         features=features, particles=particles, grid=nodes, laws=tuple(laws_of(bodies)),
-        wall_conditions=tuple(conditions_of(walls)), colliders=tuple(ready),
+        wall_conditions=tuple(conditions_of(scene.walls)), colliders=tuple(ready),
         static_contact=StaticContact(grid, precision) if features.static_colliders else None, shells=shells,
         orifices=OrificeFields(features) if features.orifices else None,
         cell_rates=ti.Vector.field(2, real_type(precision), nodes.nodes.shape) if features.cell_rates else None,
@@ -172,13 +174,12 @@ def _shell_fields(grid: Grid, features: Features, n_lanes: int) -> ShellFields |
     return ShellFields(grid, features.precision, n_lanes, lists_entering)
 
 
-def fill_fields(fields: Fields, grid: Grid, bodies: list[Body], colliders: Sequence[Collider], gravity: np.ndarray,
-                walls: Walls) -> None:
+def fill_fields(fields: Fields, scene: Scene) -> None:
     """Put fields, new or taken over, at the start of a scene."""
-    fields.particles.fill(bodies, grid)
-    fields.parameters.fill(bodies, colliders, gravity, walls, grid)
+    fields.particles.fill(scene.bodies, scene.grid)
+    fields.parameters.fill(scene)
     fields.substep_counter.is_listed = False
     if fields.shells is not None:
         fields.shells.fill()
     if fields.orifices is not None:
-        fields.orifices.fill(colliders)
+        fields.orifices.fill(scene.colliders)

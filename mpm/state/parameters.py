@@ -1,17 +1,14 @@
 """Run-time parameters: gravity, friction and material numbers, which change without compiling anything."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from mpm.backend import check_owner, later, put, real_type, ti
 from mpm.backend.launching import Launcher
 from mpm.materials.material import PARAMETERS, Material
 from mpm.scene.body import Body
-from mpm.scene.collider import Collider
-from mpm.scene.grid import Grid
+from mpm.scene.scene import Scene
 from mpm.scene.wall_condition import WALL_PARAMETERS
-from mpm.scene.walls import WALL_COLUMNS, WALL_COUNT, Walls, wall_numbers, wall_table
+from mpm.scene.walls import WALL_COLUMNS, WALL_COUNT, wall_numbers, wall_table
 
 
 def laws_of(bodies: list[Body]) -> list[Material]:
@@ -54,9 +51,9 @@ class Parameters:
         self.walls = ti.field(ti.i32, (WALL_COUNT, WALL_COLUMNS))
         """The six sides, see `wall_table`."""
 
-    def fill(self, bodies: list[Body], colliders: Sequence[Collider], gravity: np.ndarray, walls: Walls,
-             grid: Grid) -> None:
+    def fill(self, scene: Scene) -> None:
         """Write the numbers of a scene."""
+        bodies, colliders = scene.bodies, scene.colliders
         put(self.law_index, np.array(law_indices(bodies), np.int32))
         self._laws[:] = 0.0
         self._frictions[:] = [c.friction for c in colliders] or [0.0]
@@ -65,9 +62,9 @@ class Parameters:
         dtype = self._laws.dtype
         thickness = [c.sdf.thickness for c in colliders] or [0.0]
         put(self.half_thickness, 0.5 * np.array(thickness, dtype))
-        put(self.gravity, np.array(gravity, dtype))
-        put(self.wall_numbers, wall_numbers(walls).astype(dtype))
-        put(self.walls, wall_table(walls, grid))
+        put(self.gravity, np.array(scene.gravity, dtype))
+        put(self.wall_numbers, wall_numbers(scene.walls).astype(dtype))
+        put(self.walls, wall_table(scene.walls, scene.grid))
 
     def set_law(self, index: int, material: Material) -> None:
         """Write the parameters and the density of a body's law."""

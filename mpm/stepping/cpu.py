@@ -7,7 +7,6 @@ the ledger.
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from mpm.state.packs import LANES, count_packs, pack_at, packs_of_body
 from mpm.state.particle_motion import drift_before, drift_packs, mark_active_lanes
 from mpm.state.particles import AT_WALL
 from mpm.state.sleepers import CHECK_INTERVAL, adopt_rest
-from mpm.stepping.phases import Step, phases_of
+from mpm.stepping.phases import Launch, Step, phases_of
 from mpm.stepping.sleep_check import check_sleep
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import fastest_square, limit_stride
@@ -38,10 +37,10 @@ from mpm.stepping.thread_group import (
     synchronize,
 )
 
+ARGUMENTS = len(Launch._fields) - len(Launch._field_defaults)
+"""Arguments of `CpuStepper.run`, without the numbers of the thread group."""
 NOWHERE, CHECKPOINT, UNDO = range(3)
 """Where a launch first copies the state to."""
-OUT = 5
-"""Place of the output among the arguments of `CpuStepper.run`."""
 RETRY_AFTER = 1.0
 """Seconds after which a thread that was left alone tries again whether the others have cores."""
 
@@ -72,18 +71,18 @@ class CpuStepper:
         """Row of the counter's collider in the motion table."""
         self._run: Callable[..., None] = Launcher(self, CpuStepper.run)
 
-    def launch(self, *arguments: Any) -> None:
-        """Call `run`, with the group's numbers."""
+    def launch(self, launch: Launch) -> None:
+        """Advance by the substeps of a launch."""
         if self.threads == 1:
-            self._run(*arguments, self.numbers)
+            self._run(*launch[:ARGUMENTS], self.numbers)
             return
-        out, tries = arguments[OUT], time.monotonic() >= self._retry_at
+        out, tries = launch.out, time.monotonic() >= self._retry_at
         if tries:
             self.numbers[ALONE] = 0
         if self._stripes.shape != (self.threads * len(out), 6):
             self._stripes = np.zeros((self.threads * len(out), 6))
         self._stripes[:] = 0.0
-        self._run(*arguments[:OUT], self._stripes, *arguments[OUT + 1 :], self.numbers)
+        self._run(*launch._replace(out=self._stripes)[:ARGUMENTS], self.numbers)
         add_stripes(out, self._stripes, self.fields.rows.status)
         if tries and self.numbers[ALONE]:
             self._retry_at = time.monotonic() + RETRY_AFTER
@@ -108,23 +107,16 @@ class CpuStepper:
             mark_all(self.fields.grid, self.fields.particles, 1.0 / self.fields.cell, stamp)
 
     @ti.kernel
-    def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
-            mobile: ti.types.ndarray(), out: ti.types.ndarray(), first: ti.i32, interval: ti.i32,
-            per_particle: ti.types.ndarray(), sampled: ti.types.ndarray(), set_aside: ti.i32, max_stride: ti.i32,
-            numbers: ti.types.ndarray()):
-        """Advance by `substeps` of dt [s].
-
-        motion: (k, substeps, COLUMNS) of the moving colliders. mobile: table of the mobile colliders, read and written.
-        Written: out, ledger, status and the counter's readings; per_particle, the counter's numbers of particles;
-        sampled, the sample after the last substep. The counter reads after every `interval` substeps, `first` of which
-        lie in earlier launches of the advance. set_aside: where the state is first copied to: NOWHERE, CHECKPOINT or
-        UNDO. max_stride: the most substeps between two transfers. numbers: of the group.
-        """
+    def run(self, substeps: ti.i32, stamp: ti.i32, dt: float, motion: ti.types.ndarray(), mobile: ti.types.ndarray(),
+            out: ti.types.ndarray(), done: ti.i32, interval: ti.i32, per_particle: ti.types.ndarray(),
+            sampled: ti.types.ndarray(), copy_to: ti.i32, max_stride: ti.i32, numbers: ti.types.ndarray()):
+        """Advance by the substeps of a launch, see `Launch`. numbers: of the thread group."""
         if ti.static(self.threads == 1):
             ti.loop_config(serialize=True)
             for _ in range(1):
-                self.run_with(ti.static(ThreadGroup()), substeps, first_stamp, dt, motion, mobile, out, first, interval,
-                              per_particle, sampled, set_aside, max_stride)
+                self.run_thread(ti.static(ThreadGroup()), ti.static(
+                    Launch(substeps, stamp, dt, motion, mobile, out, done, interval, per_particle, sampled, copy_to,
+                           max_stride)))
         else:
             for turn in range(ti.static(self.threads * TURNS)):
                 if turn % TURNS == 0:
@@ -132,89 +124,94 @@ class CpuStepper:
                     group = ti.static(ThreadGroup(turn // TURNS, self.threads, numbers, alone))
                     if turn == 0 or alone == 0:
                         stripe = ti.static(Stripe(out, turn // TURNS * (out.shape[0] // self.threads)))
-                        self.run_with(group, substeps, first_stamp, dt, motion, mobile, stripe, first, interval,
-                                      per_particle, sampled, set_aside, max_stride)
+                        self.run_thread(group, ti.static(
+                            Launch(substeps, stamp, dt, motion, mobile, stripe, done, interval, per_particle, sampled,
+                                   copy_to, max_stride)))
 
     @ti.func
-    def run_with(self, group: ti.template(), substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(),
-                 mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32,
-                 per_particle: ti.template(), sampled: ti.template(), set_aside: ti.i32, max_stride: ti.i32):
-        """Advance, as one thread of a group, see `run`."""
+    def run_thread(self, group: ti.template(), launch: ti.template()):
+        """Advance as one thread of a group."""
+        # as local variables: arguments of a kernel would be loaded from memory wherever they are used
+        substeps, stamp, dt, done = launch.substeps, launch.stamp, launch.dt, launch.done
+        interval, max_stride, first_row = launch.interval, launch.max_stride, 0
+        local = ti.static(launch._replace(substeps=substeps, stamp=stamp, dt=dt, done=done, interval=interval,
+                                          max_stride=max_stride, first_row=first_row))
         if group.thread == 0:
             for kind, banks in ti.static(enumerate((self.checkpoint, self.undo))):
-                if set_aside == kind + 1:
+                if launch.copy_to == kind + 1:
                     for bank in ti.static(banks):
                         bank.store(0)
-        alone = self.advance(group, substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
-                             max_stride)
+        alone = self.advance(group, local)
         if group.thread == 0 or alone == 0:
             for part in range(group.thread, last_part(ti.static(group._replace(alone=alone)))):
                 begin, end = part_of(count_packs(self.fields), part, group)
-                self.sum_momentum(out, begin, end)
-                add_status(self.fields, self.fields.particles, out, begin, end)
+                self.sum_momentum(launch.out, begin, end)
+                add_status(self.fields, self.fields.particles, launch.out, begin, end)
         if ti.static(self.has_sample):  # noqa: SIM102  (decided when compiling)
             if group.thread == 0:
-                self.sample.take(sampled, 0)
+                self.sample.take(launch.sampled, 0)
 
     @ti.func
-    def advance(self, group: ti.template(), substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(),
-                first_row: ti.i32, mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32,
-                per_particle: ti.template(), earlier: ti.i32, max_stride: ti.i32):
-        """Advance by `substeps`, with rows of the motion from first_row on, in strides of at most `max_stride`.
+    def advance(self, group: ti.template(), launch: ti.template()):
+        """Advance in strides of at most `launch.max_stride` substeps.
 
-        `earlier` readings of others stand before those of this advance in per_particle; else see `run`. Where particles
-        get too fast the launch ends, and the number of substeps until then stands in the output's status row. All
-        threads of a group take the same turns: what they decide by changes only where all synchronize afterwards.
-        Returns whether the first one is left alone.
+        Where particles get too fast the launch ends, and the number of substeps until then stands in the output's
+        status row. All threads of a group run the same loop: the values by which they branch change only before a
+        barrier. Returns whether the first thread is left alone.
         """
-        left, stamp, span, alone = 0, first_stamp, 1, group.alone
+        left, stamp, span, alone = 0, launch.stamp, 1, group.alone
         present = ti.static(group._replace(alone=alone))
         if group.thread == 0:
             self.fields.particles.halted[None] = 0
         synchronize(present)
         last_check, next_check = 0, 0
-        for s in range(substeps + ti.static(int(self.fields.features.sleep))):
+        for s in range(launch.substeps + ti.static(int(self.fields.features.sleep))):
             starts = left == 0
             if ti.static(self.fields.features.sleep):
-                if starts and substeps > 0 and (s >= next_check or s == substeps):
-                    next_check = s + ti.max(ti.cast(self.fields.sleepers.limits[CHECK_INTERVAL] / dt, ti.i32), 1)
+                if starts and launch.substeps > 0 and (s >= next_check or s == launch.substeps):
+                    interval = ti.cast(self.fields.sleepers.limits[CHECK_INTERVAL] / launch.dt, ti.i32)
+                    next_check = s + ti.max(interval, 1)
                     if group.thread == 0:
-                        check_sleep(self.fields, motion, first_row + s, ti.min(next_check + max_stride, substeps) - s,
-                                     mobile, dt, dt * (s - last_check), first_stamp + s, out)
+                        check_sleep(self.fields, launch, s,
+                                    ti.min(next_check + launch.max_stride, launch.substeps) - s,
+                                    launch.dt * (s - last_check))
                     synchronize(present)
                     last_check = s
-                if s == substeps:
+                if s == launch.substeps:
                     break
             if starts:
-                stamp, span = first_stamp + s, 1
+                stamp, span = launch.stamp + s, 1
                 if ti.static(self.fields.features.strides):
-                    most = ti.min(ti.min(max_stride, substeps - s), interval - (first + s) % interval)
-                    span = self.plan_stride(present, motion, first_row + s, mobile, dt, most)
+                    most = ti.min(ti.min(launch.max_stride, launch.substeps - s),
+                                  launch.interval - (launch.done + s) % launch.interval)
+                    span = self.plan_stride(present, launch, s, most)
                     if span > 1:
                         for part in range(group.thread, last_part(present)):
                             begin, end = part_of(count_packs(self.fields), part, group)
-                            drift_packs(self.fields, self.fields.particles, drift_before(dt, span), stamp, begin, end)
+                            drift_packs(self.fields, self.fields.particles, drift_before(launch.dt, span), stamp, begin,
+                                        end)
                         synchronize(present)
                 left = span
             left -= 1
-            row, transfer_mass, moved = first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
+            row, transfer_mass, moved = launch.first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
             run_phases(self.fields, self.phases, present,
-                       ti.static(Step(row, stamp, dt, transfer_mass, moved, motion, mobile, out)))
+                       ti.static(Step(row, stamp, launch.dt, transfer_mass, moved, launch.motion, launch.mobile,
+                                      launch.out)))
             if self.fields.particles.halted[None] > 0:
                 if group.thread == 0:
-                    add(out, self.fields.rows.status, 2, ti.cast(s + 1, ti.f64))
+                    add(launch.out, self.fields.rows.status, 2, ti.cast(s + 1, ti.f64))
                 break
             if ti.static(self.has_counter):  # noqa: SIM102  (decided when compiling)
                 if group.thread == 0:
-                    self.take_reading(motion, row, first + s + 1, interval, out, per_particle, earlier)
+                    self.take_reading(launch, row, launch.done + s + 1)
             alone = is_left_alone(present)
             if alone > 0 and group.thread != 0:
                 break
         return alone
 
     @ti.func
-    def plan_stride(self, group: ti.template(), motion: ti.template(), row, mobile: ti.template(), dt, most: ti.i32):
-        """Return the substeps of the stride that begins with a row of the motion table, see `limit_stride`."""
+    def plan_stride(self, group: ti.template(), launch: ti.template(), s, most: ti.i32):
+        """Return the substeps of the stride that begins with substep s of a launch, see `limit_stride`."""
         for part in range(group.thread, last_part(group)):
             begin, end = part_of(count_packs(self.fields), part, group)
             self.fastest[part] = fastest_square(self.fields, self.fields.particles, begin, end)
@@ -222,19 +219,18 @@ class CpuStepper:
         fastest = self.fastest[0]
         for part in ti.static(range(1, group.threads)):
             fastest = ti.max(fastest, self.fastest[part])
-        return limit_stride(self.fields, motion, row, mobile, dt, most, fastest)
+        return limit_stride(self.fields, launch.motion, launch.first_row + s, launch.mobile, launch.dt, most, fastest)
 
     @ti.func
-    def take_reading(self, motion: ti.template(), row: ti.i32, done: ti.i32, interval: ti.i32, out: ti.template(),
-                     per_particle: ti.template(), earlier: ti.i32):
-        """Let the counter read after every `interval` substeps, `done` of which are over."""
-        if done % interval == 0:
+    def take_reading(self, launch: ti.template(), row: ti.i32, done: ti.i32):
+        """Take a reading of the counter after every `launch.interval` substeps, `done` of which are over."""
+        if done % launch.interval == 0:
             k = ti.static(self.counter_row)
-            reading = done // interval - 1
-            self.counter.accumulate(ti.cast(collider_origin(motion, k, row), ti.f64),
-                                    ti.cast(collider_axes(motion, k, row), ti.f64), out,
-                                    self.fields.rows.count + ti.static(COUNTER_ROWS) * reading, per_particle,
-                                    earlier + reading)
+            reading = done // launch.interval - 1
+            self.counter.accumulate(ti.cast(collider_origin(launch.motion, k, row), ti.f64),
+                                    ti.cast(collider_axes(launch.motion, k, row), ti.f64), launch.out,
+                                    self.fields.rows.count + ti.static(COUNTER_ROWS) * reading, launch.per_particle,
+                                    launch.earlier + reading)
 
     @ti.func
     def sum_momentum(self, out: ti.template(), first, last):

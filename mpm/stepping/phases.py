@@ -62,6 +62,38 @@ class Step(NamedTuple):
     """How many these are: 1, or as many as columns."""
 
 
+class Launch(NamedTuple):
+    """The arguments of a launch: substeps of one scene, and the arrays that they read and write."""
+
+    substeps: Any
+    stamp: Any
+    """Number of the first substep."""
+    dt: Any
+    """[s]"""
+    motion: Any
+    """Motion table (k, substeps, COLUMNS) of the moving colliders."""
+    mobile: Any
+    """Table of the mobile colliders, read and written."""
+    out: Any
+    """Written: ledger, status and the counter's readings (rows, 6)."""
+    done: Any
+    """Substeps of the advance in earlier launches."""
+    interval: Any
+    """Substeps between two readings of the counter."""
+    per_particle: Any
+    """Written: the counter's values of particles."""
+    sampled: Any
+    """Written: the sample after the last substep."""
+    copy_to: Any
+    """Place that the state is first copied to: NOWHERE, CHECKPOINT or UNDO."""
+    max_stride: Any
+    """The most substeps between two transfers."""
+    first_row: Any = 0
+    """Row of the motion table of the first substep."""
+    earlier: Any = 0
+    """Readings of other environments that stand before those of this one in `per_particle`."""
+
+
 class Phase(NamedTuple):
     """One phase of a substep.
 

@@ -1,9 +1,13 @@
 """States that a solver can return to, on the device: far cheaper than a snapshot on the host."""
 
-from typing import Any
-
 from mpm.backend import check_owner
+from mpm.boundaries.collider_paths import ColliderPaths
 from mpm.errors import InvalidValue
+from mpm.geometry.rigid_motion import Pose
+from mpm.observers.counter_kernel import CounterKernel
+from mpm.observers.diagnostics import momentum_after_advance
+from mpm.observers.progress import Momentum
+from mpm.observers.readings import Readings
 from mpm.stepping.cpu import CHECKPOINT, NOWHERE, UNDO
 from mpm.stepping.snapshots import StateBank
 
@@ -15,11 +19,13 @@ class Rollback:
     launch itself; so is always the copy from which an advance that fails is undone.
     """
 
-    def __init__(self, solver: Any) -> None:  # a Solver, which stands above
-        self._solver = solver
+    def __init__(self, readings: Readings, paths: ColliderPaths) -> None:
+        self._readings, self._paths, self._mobility = readings, paths, paths.mobility
+        self.counter: CounterKernel | None = None
+        """Kernel of the attached counter, whose flags belong to the state."""
         self._rest: tuple | None = None
         self._before: tuple | None = None
-        """What an advance is undone to, besides the particles; None once nothing is to be undone."""
+        """State to which an advance is undone, besides the particles; None once nothing is to be undone."""
         self._copy = NOWHERE
         """Where the particles' state before the advance is."""
         self.is_pending = False
@@ -30,37 +36,46 @@ class Rollback:
 
         They take memory from the first call on.
         """
-        assembly, particles, counter = self._solver.assembly, self._solver.particles, self._solver.counter
-        count, sleepers = particles.pack_count, self._solver.fields.sleepers
+        assembly, fields = self._readings.tenure.assembly, self._readings.fields
+        particles, count, sleepers = fields.particles, fields.particles.pack_count, fields.sleepers
         banks = [assembly.share(("bank", place), lambda: StateBank(particles.state_fields, count, 1,
                                                                             sleepers=sleepers))]
-        orifices = self._solver.fields.orifices
+        orifices = fields.orifices
         if orifices is not None:
             banks.append(assembly.share(("bank", place, "orifices"),
                                         lambda: StateBank([orifices.state], orifices.packs, 1)))
-        if counter is not None:
-            kernel = counter.kernel
+        if self.counter is not None:
+            kernel = self.counter
             banks.append(assembly.share(("bank", place, kernel), lambda: StateBank([], count, 1, [kernel.flags])))
         return banks
 
     def _host_state(self) -> tuple:
-        s = self._solver
-        return s.time, s.steps, s.paths.save(), s.mobility.save(), s.momentum_after_advance()
+        progress = self._readings.progress
+        return (progress.time, progress.steps, self._paths.save(), self._mobility.save(),
+                momentum_after_advance(self._readings))
 
     def _adopt(self, place: int, host_state: tuple) -> None:
         for bank in self.allocate(place) if place != NOWHERE else []:
             bank.restore_now(0)
-        s, (time, steps, paths, mobility, momentum) = self._solver, host_state
-        s.mobility.restore(mobility)
-        s.adopt_state(list(paths[0]), time, steps, momentum)
-        s.paths.pending = dict(paths[1])
+        time, steps, paths, mobility, momentum = host_state
+        self._mobility.restore(mobility)
+        self.adopt_state(list(paths[0]), time, steps, momentum)
+        self._paths.pending = dict(paths[1])
+
+    def adopt_state(self, poses: list[Pose], time: float, steps: int, momentum: Momentum | None = None) -> None:
+        """Take over a state that a kernel wrote to the fields: poses, time [s], substeps, momentum if known."""
+        progress = self._readings.progress
+        progress.time, progress.steps, progress.fastest, progress.momentum = time, steps, None, momentum
+        self._paths.poses = poses
+        self._paths.pending.clear()
+        self._readings.fields.substep_counter.is_listed = False
 
     def store(self) -> None:
         """Store the present state, in place of the one stored before."""
         check_owner()
         self._rest = self._host_state()
         self.is_pending = True
-        if not self._solver.features.mobile:
+        if not self._readings.fields.features.mobile:
             self.store_pending()
 
     def store_pending(self) -> None:
@@ -79,9 +94,9 @@ class Rollback:
 
     # of an advance -------------------------------------------------------------------------------------------------
     def begin(self) -> None:
-        """Note what an advance is undone to if it fails."""
-        s = self._solver
-        self._before, self._copy = (self._host_state(), s.sums.copy(), s.substep), NOWHERE
+        """Note the state to which an advance is undone if it fails."""
+        progress = self._readings.progress
+        self._before, self._copy = (self._host_state(), progress.sums.copy(), progress.substep), NOWHERE
 
     def place_of_copy(self) -> int:
         """Return where the next launch copies the state to first: for the first of an advance, somewhere."""
@@ -96,5 +111,5 @@ class Rollback:
         if self._before is not None:
             host_state, sums, substep = self._before
             self._adopt(self._copy, host_state)
-            self._solver.sums[:], self._solver.substep = sums, substep
+            self._readings.progress.sums[:], self._readings.progress.substep = sums, substep
             self._before = None

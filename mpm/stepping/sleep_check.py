@@ -16,18 +16,17 @@ SIDE_CELLS = 8
 
 
 @ti.func
-def check_sleep(fields: ti.template(), motion: ti.template(), row, rows, mobile: ti.template(), dt, elapsed,
-                 stamp: ti.i32, out: ti.template()):
-    """Let particles fall asleep and wake.
+def check_sleep(fields: ti.template(), launch: ti.template(), s, rows, elapsed):
+    """Let particles fall asleep and wake, before substep s of a launch.
 
-    elapsed: [s] since the last check. rows: substeps, from row `row` of the motion table on, until the next one. stamp:
-    of the active blocks of the next stride.
+    rows: substeps until the next check. elapsed: [s] since the last one.
     """
+    stamp = launch.stamp + s
     fields.sleepers.check[None] = fields.sleepers.check[None] + 1
     if rows > 0:
         fields.sleepers.search[None] = fields.sleepers.search[None] + 1
-        find_near_blocks(fields, motion, row, rows, mobile, dt, stamp)
-    fallen = find_falling_asleep(fields, fields.particles, elapsed, out)
+        find_near_blocks(fields, launch, launch.first_row + s, rows, stamp)
+    fallen = find_falling_asleep(fields, fields.particles, elapsed, launch.out)
     woken = 0
     if fields.sleepers.is_disturbed[None] > 0:
         woken = wake_disturbed(fields, fields.particles, stamp)

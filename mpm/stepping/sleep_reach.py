@@ -18,8 +18,7 @@ SURPRISE = 2.0
 
 
 @ti.func
-def find_near_blocks(fields: ti.template(), motion: ti.template(), row, rows, mobile: ti.template(), dt,
-                     stamp: ti.i32):
+def find_near_blocks(fields: ti.template(), launch: ti.template(), row, rows, stamp: ti.i32):
     """Note the blocks with particles that moving colliders can reach within `rows` substeps, from row `row` on.
 
     stamp: of active blocks.
@@ -28,15 +27,15 @@ def find_near_blocks(fields: ti.template(), motion: ti.template(), row, rows, mo
         travel = ti.cast(0.0, fields.real)
         radius = ti.static(fields.colliders[index].sdf.radius)
         if ti.static(fields.mobile_place[index] >= 0):
-            V = [mobile[fields.mobile_place[index], TWIST + i] for i in ti.static(range(6))]
+            V = [launch.mobile[fields.mobile_place[index], TWIST + i] for i in ti.static(range(6))]
             speed = ti.Vector(V[:3]).norm() + radius * ti.Vector(V[3:]).norm()
-            travel = ti.cast(SURPRISE * rows * dt * speed, fields.real)
+            travel = ti.cast(SURPRISE * rows * launch.dt * speed, fields.real)
         else:
             for s in range(row, row + rows):
-                V = [motion[k, s, LINEAR + i] for i in ti.static(range(6))]
-                travel += dt * (ti.Vector(V[:3]).norm() + radius * ti.Vector(V[3:]).norm())
+                V = [launch.motion[k, s, LINEAR + i] for i in ti.static(range(6))]
+                travel += launch.dt * (ti.Vector(V[:3]).norm() + radius * ti.Vector(V[3:]).norm())
         margin = ti.static((HALF_DIAGONAL + SHELL_FACE + AHEAD) * fields.cell)
-        note_blocks(fields, k, index, motion, row, travel + margin, stamp)
+        note_blocks(fields, k, index, launch.motion, row, travel + margin, stamp)
 
 
 @ti.func

@@ -1,16 +1,11 @@
 """Thresholds of sleep by cell, gravity and stiffness, times one factor."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from mpm.errors import InvalidValue
-from mpm.scene.body import Body
-from mpm.scene.grid import Grid
+from mpm.scene.scene import Scene
 
-LARGEST = 100.0
-"""Largest accepted value of `Solver(sleep=)`."""
 CHECK_CELLS = 3.0
 """Cells that a pressure wave travels between two sleep checks."""
 CALM_CHECKS = 15
@@ -28,18 +23,9 @@ FORCE_BITS, MASS_BITS = 50, 48
 """Bits that sums have for the force of a strain of 1 on a cell, and for the mass of a cell; 12 more are left above."""
 
 
-def read_sleep(sleep: bool | float) -> float:
-    """Return the accuracy factor, 0 for no sleeping; raises InvalidValue for what is no such number."""
-    if isinstance(sleep, bool | np.bool_):
-        return float(sleep)
-    if not isinstance(sleep, int | float | np.number) or not 0 < sleep <= LARGEST:
-        raise InvalidValue(f"Solver: sleep = {sleep!r}; accepted: False, True (1), or a factor on its thresholds, "
-                           f"above 0, at most {LARGEST:g}")
-    return float(sleep)
-
-
-def sleep_limits(factor: float, grid: Grid, bodies: Sequence[Body], gravity: np.ndarray) -> np.ndarray:
+def sleep_limits(factor: float, scene: Scene) -> np.ndarray:
     """Return the limits (8,) of `Sleepers` for a scene."""
+    grid, bodies, gravity = scene.grid, scene.bodies, scene.gravity
     stiffness = max(body.material.lam + 2.0 * body.material.mu for body in bodies)
     density = max(body.material.density for body in bodies)
     sound = max(math.sqrt((b.material.lam + 2.0 * b.material.mu) / b.material.density) for b in bodies)

@@ -9,19 +9,14 @@ Particles drift before the stride with the velocity that they bring to it, and a
 from it, so that momentum and angular momentum are kept as by a single substep, and so is the path of free fall.
 """
 
-from typing import Literal
-
 from mpm.backend import ti
 from mpm.boundaries.mobile_motion import TWIST
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import LINEAR
 from mpm.materials.stable_step import TRAVEL_FRACTION
-from mpm.scene.body import Body
-from mpm.scene.collider import Collider
+from mpm.scene.scene import Interval, Scene
 from mpm.state.packs import pack_at
 
-Interval = float | Literal["strides"] | None
-"""Accepted values of `Solver(transfer_interval=)`, see `choose_interval`."""
 TRAVEL = 0.5
 """Cells that a particle may travel in a stride."""
 LONGEST = 3.0
@@ -33,7 +28,7 @@ MAX_SUBSTEPS = 64
 """Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
 
 
-def choose_interval(interval: Interval, bodies: list[Body], colliders: list[Collider], bound: float) -> float:
+def choose_interval(interval: Interval, scene: Scene, bound: float) -> float:
     """Return the longest stride [s]: `interval`, or where that is None `LONGEST` times the bound [s].
 
     None means a single substep, 0, in two cases. Transfers are all that damps a fluid's noise: the thrust on a gate
@@ -41,10 +36,10 @@ def choose_interval(interval: Interval, bodies: list[Body], colliders: list[Coll
     swing through sand must not depend on its steps, unless "strides" says that these are known and long. Raises
     InvalidValue for what is neither a time [s] nor "strides" nor None.
     """
-    if interval is None and any(collider.mobile for collider in colliders):
+    if interval is None and any(collider.mobile for collider in scene.colliders):
         return 0.0
     if interval is None or interval == "strides":
-        return 0.0 if any(body.material.state == "volume" for body in bodies) else LONGEST * bound
+        return 0.0 if any(body.material.state == "volume" for body in scene.bodies) else LONGEST * bound
     if isinstance(interval, str) or not interval >= 0:
         raise InvalidValue(f"Solver: transfer_interval = {interval!r}; accepted: a time [s], 0, \"strides\" or None")
     return float(interval)

@@ -72,7 +72,7 @@ def field_digest(env: Any) -> str:
     """Return a digest of an environment's field: its settings, its material and what the solver makes of them."""
     solver = env.solver
     return digest([env.task.field.model_dump(), env.material.model_dump(exclude={"description"}), solver.dt,
-                   solver.precision, solver.integrator, solver.transfer_interval, solver.sleep])
+                   solver.precision, solver.numerics.integrator, solver.transfer_interval, solver.sleep])
 
 
 class Transition(NamedTuple):

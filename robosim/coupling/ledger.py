@@ -63,7 +63,7 @@ def close_ledger(solver: mpm.Solver, before: Momentum, bodies: dict[str, int]) -
     on_grains = {name: rows[FIRST_COLLIDER_ROW + collider] for name, collider in bodies.items()}
     others = [i for i in range(len(solver.colliders)) if i not in bodies.values()]
     rest = sum((rows[FIRST_COLLIDER_ROW + i] for i in others), np.zeros(6))
-    sleepers = np.concatenate(solver.sleepers_impulse)
+    sleepers = np.concatenate(solver.readings.sleepers_impulse)
     residual = grains - rows[GRAVITY_ROW] - rows[WALL_ROW] - rest - sleepers - sum(on_grains.values(), np.zeros(6))
     return Ledger(_impulse(grains), _impulse(rows[GRAVITY_ROW]), _impulse(rows[WALL_ROW]),
                   {name: _impulse(row) for name, row in on_grains.items()}, _impulse(rest), _impulse(sleepers),

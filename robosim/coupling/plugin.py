@@ -235,8 +235,8 @@ class GranularPlugin:
 
 def _check_host_step(model: mujoco.MjModel, solver: mpm.Solver) -> None:
     """Raise ConfigError unless a substep that the user chose divides the host step."""
-    if solver.requested_dt is not None:
-        ratio = model.opt.timestep / solver.requested_dt
+    if solver.numerics.dt is not None:
+        ratio = model.opt.timestep / solver.numerics.dt
         if abs(ratio - round(ratio)) > 1e-6 * ratio:
             raise ConfigError(f"the host step {model.opt.timestep} s is {ratio:.6g} substeps of "
-                              f"{solver.requested_dt} s; accepted: a whole number, or dt=None for the solver")
+                              f"{solver.numerics.dt} s; accepted: a whole number, or dt=None for the solver")

@@ -29,7 +29,7 @@ class Reach:
         self._trial, self._solver, self._bodies, self._park = trial, solver, bodies, park
         indices = [bodies.colliders[name] for name in bodies.dynamic]
         self._radii = np.array([solver.colliders[index].sdf.radius for index in indices])
-        self._needed = solver.contact_reach + SPARE * solver.grid.cell
+        self._needed = solver.readings.contact_reach + SPARE * solver.grid.cell
         self._renewal = RENEWAL * solver.grid.cell
         self.restart()
 
@@ -54,7 +54,7 @@ class Reach:
             return True
         if solver.counter is not None and any(solver.counter.index == self._bodies.colliders[name] for name in names):
             return False  # its readings are in the frame of a body
-        self._travel += self._trial.model.opt.timestep * solver.fastest
+        self._travel += self._trial.model.opt.timestep * solver.readings.fastest
         poses = np.array([np.concatenate(self._bodies.pose(name)) for name in names])
         if self._may_have_changed(poses):
             self._measure(poses)
@@ -74,7 +74,7 @@ class Reach:
     def _measure(self, poses: np.ndarray) -> None:
         """Measure the bodies' clearances at poses (B, 7); park their colliders there where none is in reach."""
         indices = [self._bodies.colliders[name] for name in self._bodies.dynamic]
-        self._gaps = np.array([self._solver.clearance(index, mpm.Pose(row[:3], row[3:]))
+        self._gaps = np.array([self._solver.readings.clearance(index, mpm.Pose(row[:3], row[3:]))
                                for index, row in zip(indices, poses)])
         self._poses, self._travel = poses, 0.0
         room = 0.0 if self._is_apart else self._renewal

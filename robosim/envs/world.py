@@ -148,7 +148,7 @@ class World:
             task, material = self.randomization.grains(draw), self.randomization.material(draw)
             solver, (_, level, slope) = self.solver, draw.grains
             solver.set_material(0, material.make_law())
-            solver.set_volume(0, grain_volume(task))
+            solver.settings.set_volume(0, grain_volume(task))
             frictions = [task.field.tool_friction, *[task.field.container_friction] * (len(solver.colliders) - 1)]
             set_frictions(solver, frictions)
             self.counter.place(HOME)
@@ -168,7 +168,7 @@ class World:
 
         def set_volume(volume: float) -> None:
             if volume != grain_volume_of(solver):
-                solver.set_volume(0, volume)
+                solver.settings.set_volume(0, volume)
 
         return Setters(set_law, set_volume, solver.set_friction, self.counter.place)
 
@@ -282,7 +282,7 @@ class World:
             raise ConfigError(f"load: the state is incomplete or changed: {what}; accepted: what `state` returned") \
                 from error
         if momentum is not None:
-            solver.adopt_state(list(solver.paths.poses), solver.time, solver.steps, momentum)
+            solver.rollback.adopt_state(list(solver.paths.poses), solver.time, solver.steps, momentum)
         return memory
 
 

@@ -162,7 +162,7 @@ def test_shapes_outlive_the_solver_that_laid_them_out():
 @pytest.mark.parametrize("shell", [False, True], ids=["solids", "shell"])
 def test_the_estimate_of_memory_is_that_of_the_fields(shell):
     with make(shell=shell) as solver:
-        fields = [group.bytes for group in solver.assembly._groups]
+        fields = [group.bytes for group in solver.core.tenure.assembly._groups]
         estimate = field_memory(solver.grid, (len(solver.bodies[0].positions),), solver.features, 0)
     lattice = 5 * np.prod(solver.colliders[2].sdf.shape) if shell else 0
     lists = 40 * 4 * solver.bodies[0].positions.shape[0] if shell else 0

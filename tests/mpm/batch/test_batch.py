@@ -63,7 +63,7 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
     for e, start in enumerate(starts(alone)):
         alone.load(start)
         alone.set_material(0, materials[e])
-        alone.set_volume(0, volumes[e])
+        alone.settings.set_volume(0, volumes[e])
         alone.counter.place(frames[e])
         alone.set_friction(0, frictions[e])
         alone.counter.restart()

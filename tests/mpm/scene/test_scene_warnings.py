@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 import mpm
+from mpm.scene.scene import Scene
 from mpm.scene.warnings import warn_of_scene
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -28,7 +29,7 @@ def at(z: float) -> mpm.Pose:
 
 def check(body: mpm.Body, *colliders: mpm.Collider) -> None:
     """Check a scene as the constructor of a solver does, without its fields and kernels."""
-    warn_of_scene(GRID, [body], list(colliders), np.array([0.0, 0.0, -9.81]))
+    warn_of_scene(Scene(GRID, [body], list(colliders)))
 
 
 SUSPICIOUS: dict[str, tuple[Callable[[], object], type[Warning], str]] = {

@@ -40,7 +40,7 @@ def settle(solver: mpm.Solver, share: float = 0.02, within: float = 4.0) -> None
 def unbalanced(solver: mpm.Solver, before: np.ndarray) -> np.ndarray:
     """What the last advance's change of momentum (6,) lacks in the ledger, of the largest entry of the ledger."""
     change = np.concatenate(solver.momentum_after_advance()) - before
-    given = solver.ledger.sum(0) + np.concatenate(solver.sleepers_impulse)
+    given = solver.ledger.sum(0) + np.concatenate(solver.readings.sleepers_impulse)
     return np.abs(change - given) / np.abs(solver.ledger).max()
 
 
@@ -73,7 +73,7 @@ def test_without_sleeping_nothing_of_it_is_there() -> None:
     solver = make(sleep=False)
     assert solver.fields.sleepers is None and solver.particles.rest is None and "rest" not in solver.state()
     assert "settle with sleepers" not in [phase.name for phase in phases_of(solver.fields)]
-    assert solver.awake.all() and not np.any(np.concatenate(solver.sleepers_impulse))
+    assert solver.awake.all() and not np.any(np.concatenate(solver.readings.sleepers_impulse))
 
 
 def test_a_bed_at_rest_falls_asleep_and_touches_no_node(sleeping: mpm.Solver) -> None:

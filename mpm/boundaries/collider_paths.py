@@ -11,9 +11,8 @@ from mpm.boundaries.mobility_table import MobilityTable
 from mpm.errors import ColliderJumped, ColliderTooFast, InvalidValue
 from mpm.geometry.rigid_motion import Pose, Twist, check_pose, logarithm, motion_table, screw
 from mpm.materials.stable_step import TRAVEL_FRACTION, travel_bound
-from mpm.scene.collider import Collider
 from mpm.scene.features import Features
-from mpm.scene.grid import Grid
+from mpm.scene.scene import Scene
 from mpm.scene.validation import read_array
 
 SHORTEST = 1000
@@ -26,8 +25,9 @@ Leg = tuple[Pose, Twist]
 class ColliderPaths:
     """Poses of all colliders, and the paths of those that were given one; one without a path rests."""
 
-    def __init__(self, colliders: list[Collider], features: Features, mobility: MobilityTable, grid: Grid) -> None:
-        self._colliders, self._features, self._mobility, self._grid = colliders, features, mobility, grid
+    def __init__(self, scene: Scene, features: Features, mobility: MobilityTable) -> None:
+        grid, colliders = scene.grid, tuple(scene.colliders)
+        self._colliders, self._features, self.mobility, self._grid = colliders, features, mobility, grid
         self._size = float(np.linalg.norm(grid.cells * grid.cell))
         self.poses = [collider.pose for collider in colliders]
         self.pending: dict[int, tuple[Pose, ...]] = {}
@@ -106,7 +106,7 @@ class ColliderPaths:
                 speed += math.sqrt(twist.angular @ twist.angular) * self._reach(index, begin)
                 fastest, owner = max((fastest, owner), (speed * len(legs) / duration, index))
         for index in self._features.mobile:
-            speed = self._mobility.fastest(index, self._reach(index, self.poses[index]))
+            speed = self.mobility.fastest(index, self._reach(index, self.poses[index]))
             fastest, owner = max((fastest, owner), (speed, index))
         longest = travel_bound(self._grid.cell, fastest)
         if SHORTEST * longest < dt:
