@@ -61,10 +61,10 @@ class Solver:
         """Make the parts of the solver, and the kernels that read its fields."""
         self.core = core = Core(scene, self.numerics, self._has_accelerations)
         self.grid, self.bodies, self.colliders, self.walls = scene.grid, scene.bodies, scene.colliders, scene.walls
-        self.features, self.paths, self.mobility, self.dt = core.features, core.paths, core.mobility, core.dt
+        self.features, self.paths, self.mobility = core.features, core.paths, core.mobility
         self.readings, self.settings, self.rollback = core.readings, core.settings, core.rollback
         self.precision, self.sleep, self._progress = core.precision, core.sleep, core.progress
-        self._loop = TimeLoop(core)
+        self.loop = TimeLoop(core)
 
     @property
     def fields(self) -> Fields:
@@ -80,6 +80,11 @@ class Solver:
     def counter(self) -> RegionCounter | None:
         """The attached counter."""
         return self.core.counter
+
+    @property
+    def dt(self) -> float:
+        """Largest substep [s]."""
+        return self.core.dt
 
     @property
     def bound(self) -> float:
@@ -135,7 +140,7 @@ class Solver:
         if sample is not None and sample.tenure is not self.core.tenure:
             raise InvalidValue("attach: the sample is of another solver; accepted: a Sample of this solver")
         self.core.counter, self.core.sample = counter, sample
-        self._loop.make_stepper()
+        self.loop.make_stepper()
 
     def before_flags_change(self, counter: RegionCounter) -> None:
         """Complete a pending checkpoint before the flags of an attached counter change."""
@@ -218,7 +223,7 @@ class Solver:
     # time ------------------------------------------------------------------------------------------------------------
     def compile(self) -> None:
         """Compile the kernels now instead of in the first advance; nothing moves."""
-        self._loop.compile()
+        self.loop.compile()
 
     def advance(self, duration: float, readings: int = 1) -> list[Counts]:
         """Advance by `duration` [s] in equal substeps of at most `dt`.
@@ -228,7 +233,7 @@ class Solver:
         and ColliderTooFast if a collider would need too many substeps. After any error, and after Ctrl-C, the solver is
         in the state that it was in before.
         """
-        return self._loop.advance(duration, readings)
+        return self.loop.advance(duration, readings)
 
     # states ----------------------------------------------------------------------------------------------------------
     def store_checkpoint(self) -> None:
@@ -304,6 +309,17 @@ class Solver:
         UnknownName for another side.
         """
         return self.readings.wall_impulse(side, about)
+
+    def clearance(self, index: int, pose: Pose | None = None) -> float:
+        """Return a lower bound [m] of the distance of the nearest particle from a collider, at a pose or where it is.
+
+        See `Readings.clearance`.
+        """
+        return self.readings.clearance(index, self.paths.pose(index) if pose is None else check_pose("clearance", pose))
+
+    def passed_mass(self, index: int) -> np.ndarray:
+        """Return the mass [kg] that each orifice of a collider has let through, (n_holes,), in their order."""
+        return self.readings.passed_mass(index)
 
     def momentum(self) -> Momentum:
         """Return the momentum of all particles, summed in float64."""

@@ -3,9 +3,10 @@
 from mpm.adjoint.coulomb import coulomb_back, normal_back, surface_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
-from mpm.boundaries.contact import FACE, SOLID_RECOVERY
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
 from mpm.boundaries.facing import deciding_node, is_at_edge, touched_face, touches_static
+from mpm.boundaries.node_contact import FACE
+from mpm.boundaries.particle_contact import SOLID_RECOVERY
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer

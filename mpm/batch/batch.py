@@ -11,11 +11,11 @@ import numpy as np
 from mpm.backend import check_owner, default_precision, ti
 from mpm.backend.launching import Launcher
 from mpm.batch.environment_numbers import EnvironmentNumbers, NumbersKernel
-from mpm.boundaries.collider_paths import ColliderPaths
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose, Wrench
 from mpm.materials.material import Material
 from mpm.materials.stable_step import material_bound
+from mpm.motion.collider_paths import ColliderPaths
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.diagnostics import describe_divergence, warn_of_held
 from mpm.observers.readings import received
@@ -62,9 +62,8 @@ class BatchStepper(CpuStepper):
         self.n, self.numbers = n, NumbersKernel(fields, counter, n_colliders)
         flags = [counter.flags] if counter is not None else []
         self.states = StateBank(self.fields.particles.state_fields, self.fields.particles.pack_count, n, flags)
-        holes = fields.orifices
-        self.holes = [] if holes is None else [StateBank([holes.state], holes.packs, n)]
-        """The bank of the orifices, if there are any."""
+        self.boundaries = [StateBank([boundary.state], boundary.packs, n) for boundary in fields.boundary_states]
+        """Banks of the boundaries with a state of their own."""
         self.sample_rows = sample.count if sample is not None else 0
         self.launch_all = Launcher(self, BatchStepper.run_all)
 
@@ -84,7 +83,7 @@ class BatchStepper(CpuStepper):
             substeps, row, interval, done, stamp, max_stride = [plans[e, i] for i in ti.static(range(6))]
             if substeps != ti.static(SKIPPED):
                 self.states.restore(e)
-                for bank in ti.static(self.holes):
+                for bank in ti.static(self.boundaries):
                     bank.restore(e)
                 self.numbers.write(numbers, e)
                 dt, earlier = dts[e], e * readings
@@ -100,7 +99,7 @@ class BatchStepper(CpuStepper):
                 if ti.static(self.has_sample):
                     self.sample.take(sampled, e * ti.static(self.sample_rows))
                 self.states.store(e)
-                for bank in ti.static(self.holes):
+                for bank in ti.static(self.boundaries):
                     bank.store(e)
                 for i in range(results.shape[1]):
                     for j in range(6):
@@ -209,16 +208,15 @@ class Batch:
         particles = self._core.fields.particles
         arrays = [particles.read_snapshot(state, name) for name in particles.named_fields()]
         self._core.scene.grid.check_inside(arrays[0] + self._core.scene.grid.origin, "load: ", ROUNDING)
-        orifices = self._core.fields.orifices
-        holes = None if orifices is None else orifices.read_snapshot(state)
+        boundaries = [boundary.read_snapshot(state) for boundary in self._core.fields.boundary_states]
         packed = [particles.pack(values) for values in arrays]
         self._paths[e].poses = self._paths[e].read_snapshot(state)
         self._paths[e].pending.clear()
         self.time[e], self.steps[e] = float(state["time"]), int(state["steps"])
         with default_precision(self._core.precision):
             self._stepper.states.write(e, np.concatenate(packed))
-            for bank in self._stepper.holes:
-                bank.write(e, holes)
+            for bank, values in zip(self._stepper.boundaries, boundaries):
+                bank.write(e, values)
         self._read(e)
         return self._read(e)  # the first reading has flagged the particles out of bounds
 
@@ -317,7 +315,7 @@ class Batch:
         paths.pending.clear()
         self.time[e], self.steps[e] = core.progress.time, core.progress.steps
         with default_precision(core.precision):
-            for bank in (self._stepper.states, *self._stepper.holes):
+            for bank in (self._stepper.states, *self._stepper.boundaries):
                 bank.store_now(e)
 
     def select(self, e: int) -> None:
@@ -326,6 +324,6 @@ class Batch:
         core.tenure.check_open()
         with default_precision(core.precision):
             self._numbers.hand_over(e, core)
-            for bank in (self._stepper.states, *self._stepper.holes):
+            for bank in (self._stepper.states, *self._stepper.boundaries):
                 bank.restore_now(e)
         core.rollback.adopt_state(list(self._paths[e].poses), float(self.time[e]), int(self.steps[e]))

@@ -10,7 +10,7 @@ contacts to six unknowns follows Batty et al. 2007, ACM TOG 26(3):100, and Davie
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import coulomb, coulomb_slope
-from mpm.boundaries.mobile_motion import (
+from mpm.motion.mobile_motion import (
     CENTRE,
     RESIDUAL,
     RESPONSE,

@@ -78,7 +78,10 @@ class ShellFields:
 
 
 class OrificeFields:
-    """Small holes of shells: where they are, their law's numbers, and what each has let through."""
+    """Small holes of shells: their places, the numbers of their law, and the state of each."""
+
+    name = "orifices"
+    """Name of the state in a snapshot of a solver."""
 
     def __init__(self, features: Features) -> None:
         real = real_type(features.precision)

@@ -107,6 +107,11 @@ class Fields:
         return self.penetrating is not None
 
     @property
+    def boundary_states(self) -> list[OrificeFields]:
+        """Boundaries with a state of their own, which is saved and restored with that of the particles."""
+        return [] if self.orifices is None else [self.orifices]
+
+    @property
     def is_periodic(self) -> bool:
         """Whether space closes on itself along some axis."""
         return any(self.features.periodic)
@@ -181,5 +186,5 @@ def fill_fields(fields: Fields, scene: Scene) -> None:
     fields.substep_counter.is_listed = False
     if fields.shells is not None:
         fields.shells.fill()
-    if fields.orifices is not None:
-        fields.orifices.fill(scene.colliders)
+    for boundary in fields.boundary_states:
+        boundary.fill(scene.colliders)

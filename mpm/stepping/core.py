@@ -7,10 +7,10 @@ import numpy as np
 
 from mpm.backend import default_precision, is_shared, ti
 from mpm.backend.assembly import Tenure
-from mpm.boundaries.collider_paths import ColliderPaths
-from mpm.boundaries.contact import cache_static_contact
-from mpm.boundaries.mobility_table import MobilityTable
+from mpm.boundaries.node_contact import cache_static_contact
 from mpm.materials.stable_step import choose_step, material_bound
+from mpm.motion.collider_paths import ColliderPaths
+from mpm.motion.mobility_table import MobilityTable
 from mpm.observers.progress import Progress
 from mpm.observers.readings import Readings
 from mpm.observers.region_counter import RegionCounter
@@ -98,25 +98,25 @@ class Core:
         fields, particles = self.fields, self.fields.particles
         arrays = {name: particles.read(named) for name, named in particles.named_fields().items()}
         poses = np.array([np.concatenate(pose) for pose in self.paths.poses]).reshape(-1, 7)
-        holes = {} if fields.orifices is None else {"orifices": fields.orifices.read()}
+        boundaries = {boundary.name: boundary.read() for boundary in fields.boundary_states}
         return arrays | {"time": np.array(self.progress.time), "steps": np.array(self.progress.steps), "poses": poses,
-                         **self.mobility.save(), **holes}
+                         **self.mobility.save(), **boundaries}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Load a state of this solver, or of one made from the same scene.
 
         Raises InvalidValue, and changes nothing, for a state of another scene.
         """
-        particles, orifices, grid = self.fields.particles, self.fields.orifices, self.scene.grid
+        particles, boundaries, grid = self.fields.particles, self.fields.boundary_states, self.scene.grid
         named, poses = particles.named_fields(), self.paths.read_snapshot(state)
         arrays = [particles.read_snapshot(state, name) for name in named]
         grid.check_inside(arrays[0] + grid.origin, "load: ", ROUNDING)
         time, steps = float(read_array(state, "time", ())), int(read_array(state, "steps", ()))
-        holes = None if orifices is None else orifices.read_snapshot(state)
+        boundary_values = [boundary.read_snapshot(state) for boundary in boundaries]
         self.mobility.restore(state)
         self.rollback.store_pending()
-        if orifices is not None and holes is not None:
-            orifices.write(holes)
+        for boundary, packs in zip(boundaries, boundary_values):
+            boundary.write(packs)
         for fields, values in zip(named.values(), arrays):
             particles.write(fields, values)
         self.rollback.adopt_state(poses, time, steps)

@@ -8,19 +8,21 @@ runs them forwards, and backwards through the adjoint that each names.
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
-from mpm.boundaries.contact import order_penetrating, stop_penetrating, stop_penetration, update_nodes
+from mpm.boundaries.grid_update import update_nodes
 from mpm.boundaries.mobile_contact import solve_mobile_contact
-from mpm.boundaries.mobile_motion import start_mobile_colliders
 from mpm.boundaries.orifice_flow import pass_orifices
+from mpm.boundaries.particle_contact import order_penetrating, stop_penetrating, stop_penetration
 from mpm.boundaries.periodic import activate_home_nodes, fold_periodic, mark_images, unfold_periodic
 from mpm.boundaries.shell_sides import label_nodes, label_particles, list_particles
 from mpm.boundaries.shell_transfer import gather_across_shells, order_entering, scatter_across_shells, stop_at_shells
 from mpm.boundaries.wall_ghosts import NoTape, fold_walls, unfold_walls
+from mpm.motion.mobile_motion import start_mobile_colliders
 from mpm.state.fields import Fields
 from mpm.stepping.sleep_check import activate_sides
 from mpm.stepping.sleep_contributions import add_sleepers, settle_with_sleepers
 from mpm.transfers.cell_rates import clear_rates, sum_rates
-from mpm.transfers.to_grid import add_parts, scatter_packs, start_nodes
+from mpm.transfers.constitutive_update import scatter_packs
+from mpm.transfers.to_grid import add_parts, start_nodes
 from mpm.transfers.to_particles import check_speeds, gather_packs, list_blocks, start_block_list
 
 Domain = Literal["packs", "packs in order", "blocks", "walls", "rows", "listed", "entering in order", "team", "once"]

@@ -1,9 +1,9 @@
 """States that a solver can return to, on the device: far cheaper than a snapshot on the host."""
 
 from mpm.backend import check_owner
-from mpm.boundaries.collider_paths import ColliderPaths
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import Pose
+from mpm.motion.collider_paths import ColliderPaths
 from mpm.observers.counter_kernel import CounterKernel
 from mpm.observers.diagnostics import momentum_after_advance
 from mpm.observers.progress import Momentum
@@ -32,7 +32,7 @@ class Rollback:
         """Whether the next launch copies the particles' state to the checkpoint first."""
 
     def allocate(self, place: int = CHECKPOINT) -> list[StateBank]:
-        """Return the banks of a place that the state is copied to: particles, then orifices, then a counter's flags.
+        """Return the banks of a place that the state is copied to: particles, then boundaries, then a counter's flags.
 
         They take memory from the first call on.
         """
@@ -40,10 +40,9 @@ class Rollback:
         particles, count, sleepers = fields.particles, fields.particles.pack_count, fields.sleepers
         banks = [assembly.share(("bank", place), lambda: StateBank(particles.state_fields, count, 1,
                                                                             sleepers=sleepers))]
-        orifices = fields.orifices
-        if orifices is not None:
-            banks.append(assembly.share(("bank", place, "orifices"),
-                                        lambda: StateBank([orifices.state], orifices.packs, 1)))
+        for boundary in fields.boundary_states:
+            banks.append(assembly.share(("bank", place, boundary.name),
+                                        lambda own=boundary: StateBank([own.state], own.packs, 1)))
         if self.counter is not None:
             kernel = self.counter
             banks.append(assembly.share(("bank", place, kernel), lambda: StateBank([], count, 1, [kernel.flags])))

@@ -2,9 +2,9 @@
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
-from mpm.boundaries.mobile_motion import TWIST
 from mpm.geometry.rigid_motion import LINEAR
 from mpm.geometry.shell import SHELL_FACE
+from mpm.motion.mobile_motion import TWIST
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.sleepers import AHEAD, place_of_block

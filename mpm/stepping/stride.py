@@ -10,10 +10,10 @@ from it, so that momentum and angular momentum are kept as by a single substep, 
 """
 
 from mpm.backend import ti
-from mpm.boundaries.mobile_motion import TWIST
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import LINEAR
 from mpm.materials.stable_step import TRAVEL_FRACTION
+from mpm.motion.mobile_motion import TWIST
 from mpm.scene.scene import Interval, Scene
 from mpm.state.packs import pack_at
 

@@ -74,7 +74,7 @@ class Reach:
     def _measure(self, poses: np.ndarray) -> None:
         """Measure the bodies' clearances at poses (B, 7); park their colliders there where none is in reach."""
         indices = [self._bodies.colliders[name] for name in self._bodies.dynamic]
-        self._gaps = np.array([self._solver.readings.clearance(index, mpm.Pose(row[:3], row[3:]))
+        self._gaps = np.array([self._solver.clearance(index, mpm.Pose(row[:3], row[3:]))
                                for index, row in zip(indices, poses)])
         self._poses, self._travel = poses, 0.0
         room = 0.0 if self._is_apart else self._renewal

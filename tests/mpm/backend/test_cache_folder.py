@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mpm import cache_folder
+from mpm.backend import cache_folder
 from mpm.backend.cache_folder import user_cache_folder, writable_folder
 
 NO_FOLDER = Path("/dev/null/cache")

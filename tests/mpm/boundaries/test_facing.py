@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mpm
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 
 CELL, SPEED = 0.01, 0.1
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

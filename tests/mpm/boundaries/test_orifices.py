@@ -80,7 +80,7 @@ def test_holes_pass_what_the_law_says(ratio: float) -> None:
         mass, rate = solver.masses()[0], law_of(solver).rate(SALT.density)
         assert rate == pytest.approx(0.58 * 1217 * np.sqrt(9.81) * (4e-3 - 1.4 * 4e-3 / ratio) ** 2.5)
         solver.advance(0.5)
-        passed = solver.readings.passed_mass(0)
+        passed = solver.passed_mass(0)
         assert (np.abs(passed - rate * solver.time) <= mass * np.array([0.51, 1.01])).all()
         below = solver.positions()[:, 2] < START[2]
         assert below.sum() * mass == pytest.approx(passed.sum(), rel=1e-5)
@@ -89,7 +89,7 @@ def test_holes_pass_what_the_law_says(ratio: float) -> None:
 def test_nothing_passes_below_the_blocked_ratio() -> None:
     with filled(hole={"diameter": 4e-3, "grain_diameter": 4e-3 / 3.9}) as solver:
         shake(solver, 0.2, 1e-3, 30.0)
-        assert solver.readings.passed_mass(0) == [0.0] and (solver.positions()[:, 2] > START[2]).all()
+        assert solver.passed_mass(0) == [0.0] and (solver.positions()[:, 2] > START[2]).all()
 
 
 def test_a_hole_passes_outward_only() -> None:
@@ -98,11 +98,11 @@ def test_a_hole_passes_outward_only() -> None:
         solver.set_gravity(9.81 * np.array([np.sin(np.radians(40.0)), 0.0, -np.cos(np.radians(40.0))]))
         solver.advance(0.4)
         rate = law_of(solver).rate(SALT.density, 9.81 * np.cos(np.radians(40.0)))
-        assert solver.readings.passed_mass(0)[0] == pytest.approx(rate * solver.time, abs=0.51 * solver.masses()[0])
-        before = solver.readings.passed_mass(0)[0]
+        assert solver.passed_mass(0)[0] == pytest.approx(rate * solver.time, abs=0.51 * solver.masses()[0])
+        before = solver.passed_mass(0)[0]
         solver.set_gravity(np.array([0.0, 0.0, 9.81]))
         solver.advance(0.1)
-        assert solver.readings.passed_mass(0)[0] == before
+        assert solver.passed_mass(0)[0] == before
 
 
 def test_grains_feel_the_acceleration_of_the_shell() -> None:
@@ -115,7 +115,7 @@ def test_grains_feel_the_acceleration_of_the_shell() -> None:
                 z = [0.5 * a * (dt * (step + k)) ** 2 for k in (0, 1)]
                 solver.set_collider_motion(0, *(turned(0.0, START + [0, 0, rise]) for rise in z))
                 solver.advance(dt)
-            due = solver.state()["orifices"][0, 3] + solver.readings.passed_mass(0)[0]
+            due = solver.state()["orifices"][0, 3] + solver.passed_mass(0)[0]
             at_rest = law_of(solver).rate(SALT.density)
             assert due == pytest.approx(share * at_rest * 0.08, abs=4e-3 * at_rest)
 
@@ -127,14 +127,14 @@ def test_a_hole_jams_after_an_avalanche_and_vibration_opens_it() -> None:
         avalanche = SALT.density * law.avalanche
         assert law.avalanche == pytest.approx(9900 / 1.94**6.9 * np.pi / 6 * 8e-9 / 0.6)
         solver.advance(1.5 * avalanche / law.rate(SALT.density))
-        stopped = solver.readings.passed_mass(0)[0]
+        stopped = solver.passed_mass(0)[0]
         assert stopped == pytest.approx(avalanche, abs=0.6 * mass)
         solver.advance(0.2)
-        assert solver.readings.passed_mass(0)[0] == stopped
+        assert solver.passed_mass(0)[0] == stopped
         shake(solver, 0.2, 1e-5, 30.0)  # 0.04 g
-        assert solver.readings.passed_mass(0)[0] == stopped
+        assert solver.passed_mass(0)[0] == stopped
         shake(solver, 0.4, 0.5e-3, 30.0)  # 1.8 g
-        assert solver.readings.passed_mass(0)[0] - stopped > 0.5 * law.rate(SALT.density) * 0.4
+        assert solver.passed_mass(0)[0] - stopped > 0.5 * law.rate(SALT.density) * 0.4
 
 
 def test_momentum_is_that_of_gravity_walls_and_shell() -> None:
@@ -146,7 +146,7 @@ def test_momentum_is_that_of_gravity_walls_and_shell() -> None:
             solver.set_collider_motion(0, turned(10.0 * step / 20), turned(10.0 * (step + 1) / 20))
             solver.advance(5e-3)
             given += solver.ledger.sum(0)
-        assert solver.readings.passed_mass(0)[0] > 5 * solver.masses()[0]
+        assert solver.passed_mass(0)[0] > 5 * solver.masses()[0]
         assert np.concatenate(solver.momentum()) - before == pytest.approx(given, abs=1e-13)
 
 
@@ -168,7 +168,7 @@ def test_a_mobile_shell_receives_the_reaction() -> None:
             assert np.concatenate(solver.momentum()) + own - first == pytest.approx(falling, abs=1e-13)
             # held up as a scale would, so that it does not run away from the grains
             solver.set_collider_mobility(0, W, np.concatenate([linear, angular]), centre=centre)
-        assert solver.readings.passed_mass(0)[0] > 0
+        assert solver.passed_mass(0)[0] > 0
 
 
 def test_the_wall_opposite_a_hole_does_not_recede() -> None:
@@ -186,7 +186,7 @@ def test_grains_on_the_wall_opposite_a_hole_do_not_block_it() -> None:
         column = solver.positions()[:, 2] > START[2] + 0.06
         solver.advance(0.2)
         assert (solver.positions()[column, 2] > START[2] + 0.06).all()
-        assert solver.readings.passed_mass(0)[0] == pytest.approx(law_of(solver).rate(SALT.density) * solver.time,
+        assert solver.passed_mass(0)[0] == pytest.approx(law_of(solver).rate(SALT.density) * solver.time,
                                                          abs=0.51 * solver.masses()[0])
 
 
@@ -210,7 +210,7 @@ def test_state_checkpoint_and_a_failed_advance_keep_what_is_due() -> None:
     with filled(hole=HOLE | {"diameter": 6e-3}) as solver:
         solver.advance(0.05)
         state = solver.state()
-        assert state["orifices"].shape == (1, 8) and state["orifices"][0, 6] == solver.readings.passed_mass(0)[0] > 0
+        assert state["orifices"].shape == (1, 8) and state["orifices"][0, 6] == solver.passed_mass(0)[0] > 0
         solver.store_checkpoint()
         solver.advance(0.05)
         end = solver.state()
@@ -247,7 +247,7 @@ def test_a_batch_passes_what_a_solver_passes() -> None:
         batch.select(1)
         assert all(np.array_equal(solver.state()[name], alone[name]) for name in ("x", "orifices"))
         batch.select(0)
-        assert 0 < solver.readings.passed_mass(0)[0] < alone["orifices"][0, 6]
+        assert 0 < solver.passed_mass(0)[0] < alone["orifices"][0, 6]
 
 
 def test_a_slow_hole_flows_on_although_grains_may_sleep() -> None:
@@ -255,14 +255,14 @@ def test_a_slow_hole_flows_on_although_grains_may_sleep() -> None:
     with filled(hole={"diameter": 2e-3, "grain_diameter": 3e-4}, sleep=True) as solver:
         solver.advance(1.5)
         law, mass = law_of(solver).rate(SALT.density) * 1.5, solver.masses()[0]
-        assert law > 5 * mass and solver.readings.passed_mass(0)[0] == pytest.approx(law, abs=0.51 * mass)
+        assert law > 5 * mass and solver.passed_mass(0)[0] == pytest.approx(law, abs=0.51 * mass)
 
 
 def test_only_a_scene_with_orifices_has_their_fields() -> None:
     with filled(places=()) as solver:
         assert solver.fields.orifices is None and "orifices" not in solver.state()
         with pytest.raises(mpm.InvalidValue, match="collider 0 has no orifices"):
-            solver.readings.passed_mass(0)
+            solver.passed_mass(0)
 
 
 def test_what_is_refused() -> None:

@@ -77,7 +77,7 @@ def test_the_solver_resonates_as_the_map_does() -> None:
         solver.advance(100 * solver.dt)
         assert np.abs(solver.state()["e"]).max() < 0.2
     solver.load(start)
-    solver.dt = resonant_share(0.1) * bound  # which the constructor refuses
+    solver.core.dt = resonant_share(0.1) * bound  # which the constructor refuses
 
     def advance() -> None:
         for _ in range(20):

@@ -113,7 +113,7 @@ def test_a_scene_compiles_the_conditions_of_its_walls() -> None:
     assert [type(condition) for condition in fields.wall_conditions] == [Stick, Plate]
     assert fields.parameters.wall_numbers.to_numpy()[:, 0] == pytest.approx([0, 0, 0, 0, 1, 2])
     enclosed = corner(mpm.Walls.all("periodic"))
-    assert "fold walls" not in [phase.name for phase in enclosed.stepper.phases]
+    assert "fold walls" not in [phase.name for phase in enclosed.loop.stepper.phases]
 
 
 def test_momentum_closes_against_conditions_of_ones_own() -> None:

@@ -121,7 +121,7 @@ for thread in os.listdir("/proc/self/task"):
 left_alone = 0
 for _ in range(20):
     solver.advance(2e-3)
-    left_alone = max(left_alone, solver.stepper.numbers[2])
+    left_alone = max(left_alone, solver.loop.stepper.numbers[2])
 print(left_alone, hashlib.sha256(solver.positions()).hexdigest())"""
     cores = sorted(os.sched_getaffinity(0))
     kept = subprocess.run([sys.executable, "-c", code, str(cores[0])], capture_output=True, text=True, timeout=300)

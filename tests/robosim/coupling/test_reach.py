@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import mpm
-from mpm.observers.readings import Readings
 from robosim.coupling.mobility_probe import MobilityProbe
 from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.reach import Reach
@@ -68,8 +67,8 @@ def test_a_step_apart_probes_nothing_and_closes_its_ledger(monkeypatch: pytest.M
 
 def test_clearances_are_measured_rarely_and_a_rising_ball_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    clearance = Readings.clearance
-    monkeypatch.setattr(Readings, "clearance", lambda *given: asked.append(1) or clearance(*given))
+    clearance = mpm.Solver.clearance
+    monkeypatch.setattr(mpm.Solver, "clearance", lambda *given: asked.append(1) or clearance(*given))
     _, answers, _ = drop("mobility", 60, speed=-1.5)
     assert not answers[-1] and len(asked) < 25
     plugin, answers, _ = drop("mobility", 3)

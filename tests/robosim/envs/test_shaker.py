@@ -32,7 +32,7 @@ def test_the_script_shakes_salt_into_the_cup() -> None:
     while not over:
         _, _, terminated, truncated, info = env.step(policy())
         over = terminated or truncated or env.episode.time > 4.0
-    readings, passed = info["readings"], float(env.solver.readings.passed_mass(TOOL).sum())
+    readings, passed = info["readings"], float(env.solver.passed_mass(TOOL).sum())
     grain = env.solver.masses()[0]
     assert passed > 20 * grain and readings["spilled"] == 0.0
     held = readings["held"] + readings["poured"] + readings["elsewhere"]

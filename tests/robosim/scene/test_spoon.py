@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mpm
-from mpm.scene.features import CONTACTS, Contact
+from mpm.scene.scene import CONTACTS, Contact
 from robosim.scene.field import build_tool_sdf
 from robosim.shapes.vessels import BOWL
 

@@ -7,7 +7,7 @@ slowed by the wave that it starts, v = v0 exp(-Z t / m) with Z = rho c A.
 import numpy as np
 
 import mpm
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 from robosim.coupling.plugin import Coupling
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within

@@ -3,7 +3,7 @@
 import numpy as np
 
 import mpm
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 from robosim.studies.verification.cases.rigid_body import G
 
 ELASTIC_E = 5e5

@@ -7,7 +7,7 @@ statics, the reaction m g and the settlement m g L / (E A) of a bar of Poisson's
 import numpy as np
 
 import mpm
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 from robosim.coupling.plugin import Coupling
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import each_within

@@ -7,7 +7,7 @@ second law, force = (mass of the spoon + mass of the grains) (acceleration - gra
 import numpy as np
 
 import mpm
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 from robosim.config.materials import load_material
 from robosim.coupling.plugin import Coupling
 from robosim.scene.field import build_tool_sdf

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 import mpm
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 from robosim.studies.verification.cases.beds import load_pressure
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within

@@ -6,7 +6,7 @@ says. It is so light that sand bears it.
 
 import numpy as np
 
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.coupling.bed import ELASTIC_E, build_bed
 from robosim.studies.verification.cases.expectations import Within

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import mpm
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 from robosim.coupling.plugin import Coupling
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.coupling.bed import build_bed

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 import mpm
-from mpm.scene.features import Contact
+from mpm.scene.scene import Contact
 from robosim.studies.verification.cases.beds import resting_body
 from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Power, Within

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from mpm.boundaries.mobility_table import MobilityTable
 from mpm.errors import ColliderJumped, ColliderTooFast, InvalidValue
 from mpm.geometry.rigid_motion import Pose, Twist, check_pose, logarithm, motion_table, screw
 from mpm.materials.stable_step import TRAVEL_FRACTION, travel_bound
+from mpm.motion.mobility_table import MobilityTable
 from mpm.scene.features import Features
 from mpm.scene.scene import Scene
 from mpm.scene.validation import read_array

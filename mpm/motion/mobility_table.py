@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mpm.boundaries.mobile_motion import AXES, CENTRE, IMPULSE, LEVER, RATE, RESIDUAL, RESPONSE, TWIST
 from mpm.errors import ContactNotConverged, InvalidValue
 from mpm.geometry.rigid_motion import Pose, Twist, Wrench
+from mpm.motion.mobile_motion import AXES, CENTRE, IMPULSE, LEVER, RATE, RESIDUAL, RESPONSE, TWIST
 from mpm.scene.validation import check_finite, read_array
 
 SYMMETRY = 1e-6

@@ -1,0 +1,139 @@
+"""Contact of particles that have entered a moving solid, which the grid's nodes did not stop.
+
+Grid nodes cannot stop the last few particles at a curved or thin wall, and would let a fluid pile up at its face: this
+keeps the material's edge there. It takes the approach velocity, and adds what brings the particle out gently.
+"""
+
+from mpm.backend import once, ti
+from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
+from mpm.boundaries.facing import is_at_edge
+from mpm.boundaries.mobile_contact import reduce_by_compliance
+from mpm.state.active_blocks import mark_place
+from mpm.state.contact_fields import rank_of, sort_by_part, take_place
+from mpm.state.ledger import credit
+from mpm.state.packs import LANES, is_active, pack_at, packs_of_body
+from mpm.state.particle_motion import drift_after, move_lane
+
+SOLID_RECOVERY = 0.01
+"""Cells by which a particle is brought out of a solid in a stride: enough against the slow drift of a fluid towards a
+face (1e-3), too little to throw what a scene begins with inside a tool."""
+
+
+@ti.func
+def stop_penetration(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: stop the particles of packs first .. last - 1 whose cubes a moving solid has entered; credit the solid."""
+    if step.span > 0:
+        dt = drift_after(step.dt, step.span)
+        places = [once(collider_origin(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
+        axes = [once(collider_axes(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
+        for body in range(fields.parameters.densities.shape[0]):
+            begin, end = packs_of_body(fields, body, first, last)
+            for place in range(begin, end):
+                q = pack_at(fields, place)
+                for k, index in ti.static(enumerate(fields.features.moving_solids)):
+                    near = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k])
+                    while near > 0:
+                        lane = lowest_bit(near)
+                        near -= 1 << lane
+                        if ti.static(fields.stops_later):
+                            note_penetrating(fields, step.part, k, body, q, lane)
+                        else:
+                            stop_particle(fields, fields.particles, step, k, index, axes[k], places[k], q, lane, dt,
+                                          fields.parameters.densities[body])
+
+
+@ti.func
+def note_penetrating(fields: ti.template(), part, k: ti.template(), body, q, lane):
+    """List lane `lane` of pack q, near the k-th moving solid, for `stop_penetrating`."""
+    place = take_place(fields.penetrating.count, None)
+    fields.penetrating.particle[place] = ti.Vector([k, body, q, lane])
+    if ti.static(fields.parts > 0):
+        fields.penetrating.part[place] = part
+    else:
+        fields.penetrating.part[place] = (q * ti.static(len(fields.features.moving_solids)) + k) * LANES + lane
+
+
+@ti.func
+def order_penetrating(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: rank what a GPU has listed for `stop_penetrating`, by particle; a thread of each pack takes some."""
+    if step.span > 0:
+        count = fields.penetrating.count[None]
+        for turn in range((count - first + fields.particles.n_packs - 1) // fields.particles.n_packs):
+            place = first + turn * fields.particles.n_packs
+            fields.penetrating.order[rank_of(fields.penetrating.part, place, count)] = place
+
+
+@ti.func
+def stop_penetrating(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: stop the particles that several threads have listed, one after the other, as each moves mobile solids."""
+    if step.span > 0:
+        dt = drift_after(step.dt, step.span)
+        count = fields.penetrating.count[None]
+        if ti.static(fields.parts > 0):
+            sort_by_part(fields.penetrating.order, fields.penetrating.part, fields.penetrating.begins, 0, count)
+        for n in range(count):
+            particle = fields.penetrating.particle[fields.penetrating.order[n]]
+            for k, index in ti.static(enumerate(fields.features.moving_solids)):
+                if particle[0] == k:
+                    stop_particle(fields, fields.particles, step, k, index, collider_axes(step.motion, k, step.row),
+                                  collider_origin(step.motion, k, step.row), particle[2], particle[3], dt,
+                                  fields.parameters.densities[particle[1]])
+        fields.penetrating.count[None] = 0
+
+
+@ti.func
+def lowest_bit(bits):
+    """Return the number of the lowest bit that is set among those of a pack's lanes."""
+    lane = 0
+    for l in ti.static(range(LANES - 1, 0, -1)):
+        if bits & (1 << l):
+            lane = l
+    if bits & 1:
+        lane = 0
+    return lane
+
+
+@ti.func
+def find_near_lanes(fields: ti.template(), P: ti.template(), index: ti.template(), q, R, place):
+    """Return the lanes of pack q, one bit each, whose cubes may touch a solid at R, place; most are far away."""
+    d2 = (P.x[0][q] + fields.origin[0] - place[0]) ** 2 + (P.x[1][q] + fields.origin[1] - place[1]) ** 2 \
+        + (P.x[2][q] + fields.origin[2] - place[2]) ** 2
+    near = 0
+    if d2.min() < ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2):
+        half = P.half[q]
+        r = [once(P.x[d][q] + (fields.origin[d] - place[d])) for d in range(3)]
+        z = [once(R[0, d] * r[0] + R[1, d] * r[1] + R[2, d] * r[2]) for d in range(3)]
+        for l in ti.static(range(LANES)):
+            y = ti.Vector([z[d][l] for d in range(3)])
+            if half[l] > 0 and is_active(fields, q, l) and not fields.colliders[index].sdf.is_beyond(y, half[l]):
+                near |= 1 << l
+    return near
+
+
+@ti.func
+def stop_particle(fields: ti.template(), P: ti.template(), step: ti.template(), k: ti.template(), index: ti.template(),
+                  R, place_of_solid, q, lane, dt, density):
+    """Correct velocity and position of one particle that has moved for dt [s], where its cube is in the solid."""
+    x = ti.Vector([P.x[d][q][lane] for d in range(3)])
+    r = ti.Vector([x[d] + fields.origin[d] - place_of_solid[d] for d in range(3)])
+    half = P.half[q][lane]
+    y = R.transpose() @ r
+    if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2):
+        n_t, phi = fields.colliders[index].sdf.at(y)
+        is_pushed = phi < half
+        if ti.static(fields.features.touching):
+            is_pushed = is_pushed and not is_at_edge(fields.colliders[index].sdf, y, n_t, phi, fields.cell)
+        if is_pushed:
+            v = ti.Vector([P.v[d][q][lane] for d in range(3)])
+            normal = R @ n_t
+            approach = (v - surface_velocity(step.motion, k, step.row, r)).dot(normal)
+            mass = density * P.volume[q][lane]
+            # the particle acts where it was before the move: x - dt v
+            place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + fields.origin[d] for d in range(3)])
+            dv = normal * ti.min(ti.max(-approach, 0.0) + SOLID_RECOVERY * fields.cell / dt, (half - phi) / dt)
+            if ti.static(fields.mobile_place[index] >= 0):
+                dv = reduce_by_compliance(fields, step, index, place, mass, dv)
+            credit(step.out, fields.rows.first_collider + index, place, mass * dv)
+            for d in ti.static(range(3)):
+                P.v[d][q][lane] = v[d] + dv[d]
+            mark_place(fields.grid, move_lane(fields, P, q, lane, dt * dv), 1.0 / fields.cell, step.stamp + step.span)
