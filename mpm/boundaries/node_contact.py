@@ -140,7 +140,9 @@ def collide_with_shell(fields: ti.template(), step: ti.template(), I, J, v, mass
                 + fields.colliders[index].sdf.face_cells * fields.cell
             if ti.abs(side) == index + 1 and material * gap[3] < face:
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
-                receding = receding_velocity(fields, step, index, place, material)
+                receding = 0.0 * normal
+                if ti.static(len(fields.features.orifices) > 0):
+                    receding = receding_velocity(fields, fields.orifices, step, index, place, material)
                 if ti.static(fields.mobile_place[index] >= 0):
                     n = list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
                     if ti.static(fields.mobile_nodes.recedes):

@@ -145,22 +145,23 @@ def patch_radius(fields: ti.template(), holes: ti.template(), h):
 
 
 @ti.func
-def receding_velocity(fields: ti.template(), step: ti.template(), index: ti.template(), place, material):
+def receding_velocity(fields: ti.template(), holes: ti.template(), step: ti.template(), index: ti.template(), place,
+                      material):
     """Return the velocity [m/s] (3,) at which a shell's face recedes at a node, besides that of the shell.
 
-    It is 0 without orifices. place: of the node [m] (3,). material: sign of the side on which the node's material is.
+    place: of the node [m] (3,). material: sign of the side on which the node's material is.
     """
     velocity = ti.Vector.zero(fields.real, 3)
     for row, collider, begin, end in ti.static(fields.features.orifice_rows):
         if ti.static(collider == index):
             for h in range(begin, end):
-                speed = ti.cast(fields.orifices.state[2 * h + 1][RECEDING], fields.real)
-                if speed > 0 and material * fields.orifices.numbers[h, OUTER] < 0:
+                speed = ti.cast(holes.state[2 * h + 1][RECEDING], fields.real)
+                if speed > 0 and material * holes.numbers[h, OUTER] < 0:
                     R = collider_axes(step.motion, row, step.row)
-                    centre = collider_origin(step.motion, row, step.row) + R @ fields.orifices.position[h]
+                    centre = collider_origin(step.motion, row, step.row) + R @ holes.position[h]
                     r = ti.cast(place, fields.real) - centre
-                    axis = R @ fields.orifices.axis[h]
-                    height, radius = r.dot(axis), patch_radius(fields, fields.orifices, h)
+                    axis = R @ holes.axis[h]
+                    height, radius = r.dot(axis), patch_radius(fields, holes, h)
                     # further along the axis is another wall
                     if ti.abs(height) < radius and (r - height * axis).norm() < radius:
                         velocity += speed * axis

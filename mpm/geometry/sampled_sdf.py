@@ -11,27 +11,6 @@ from mpm.geometry.shape import Shape, digest, sign
 
 
 @ti.func
-def corners_of(values: ti.template(), c):
-    """Return the values of a lattice at the eight corners of the cell that begins at point c (3,)."""
-    return [[[once(values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
-
-
-@ti.func
-def trilinear(s: ti.template(), f, y):
-    """Return the value at place f (3,) in a cell with values s at its corners, and its slope (3,) by f; y: any (3,)."""
-    z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
-    y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
-    y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
-    n = 0.0 * y
-    n[0] = y1 - y0
-    n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
-    low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
-    high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
-    n[2] = (1 - f[0]) * low + f[0] * high
-    return y0 + f[0] * (y1 - y0), n
-
-
-@ti.func
 def trilinear_back(s: ti.template(), f, y, normal_bar, phi_bar):
     """Return the adjoint, times a spacing, of y (3,) in a cell of a lattice: of the distance there and of its normal.
 
@@ -93,13 +72,23 @@ class Lattice(Shape):
         held = ti.max(ti.min(u, last), 0.0 * u)
         c = ti.min(ti.cast(held, ti.i32), ti.cast(last, ti.i32) - 1)
         f = held - c
-        return corners_of(self.values, c), f, u - held
+        s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+        return s, f, u - held
 
     @ti.func
     def at(self, y):
         s, f, away = self.cell_at(y)
-        phi, n = trilinear(s, f, y)
-        return n / n.norm(1e-12), phi + away.norm() * self.spacing
+        z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
+        y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
+        y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
+        phi = y0 + f[0] * (y1 - y0) + away.norm() * self.spacing
+        n = 0.0 * y
+        n[0] = y1 - y0
+        n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
+        low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
+        high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
+        n[2] = (1 - f[0]) * low + f[0] * high
+        return n / n.norm(1e-12), phi
 
     @ti.func
     def is_beyond(self, y, reach):

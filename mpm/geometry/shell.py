@@ -6,11 +6,11 @@ from collections.abc import Hashable
 import numpy as np
 import trimesh
 
-from mpm.backend import put, ti
+from mpm.backend import once, put, ti
 from mpm.errors import InvalidValue
 from mpm.geometry.distance_cache import kept_lattice
 from mpm.geometry.mesh_distance import passage_width, sheet_distances
-from mpm.geometry.sampled_sdf import corners_of, trilinear, trilinear_back
+from mpm.geometry.sampled_sdf import trilinear_back
 from mpm.geometry.sdf import MAX_LATTICE
 from mpm.geometry.shape import Shape, digest
 
@@ -123,7 +123,17 @@ class Shell(Shape):
         if u.min() >= 0 and u[0] < shape[0] - 1 and u[1] < shape[1] - 1 and u[2] < shape[2] - 1:
             c = ti.cast(u, ti.i32)
             f = u - c
-            phi, n = trilinear(corners_of(self.values, c), f, y)
+            s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)]
+                 for i in range(2)]
+            z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
+            y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
+            y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
+            phi = y0 + f[0] * (y1 - y0)
+            n[0] = y1 - y0
+            n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
+            low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
+            high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
+            n[2] = (1 - f[0]) * low + f[0] * high
             n = n / n.norm(1e-12)
             nearest = ti.cast(u + 0.5, ti.i32)
             sided = ti.cast(self.sided[nearest], ti.i32)
@@ -140,4 +150,5 @@ class Shell(Shape):
         """Return the adjoint of y, where `at` has found a distance."""
         u = ti.Vector([(y[d] - self.lower[d]) / self.spacing for d in range(3)])
         c = ti.max(ti.min(ti.cast(u, ti.i32), ti.Vector([self.shape[d] - 2 for d in range(3)])), 0)
-        return trilinear_back(corners_of(self.values, c), u - c, y, normal_bar, phi_bar) / self.spacing
+        s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+        return trilinear_back(s, u - c, y, normal_bar, phi_bar) / self.spacing
