@@ -1,4 +1,4 @@
 """Boundary conditions on grid velocities: walls, periodic sides, solids, shells, mobile colliders.
 
-Imports: backend, errors, geometry, scene, state.
+Imports: backend, geometry, motion, scene, state.
 """

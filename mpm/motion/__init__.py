@@ -1,4 +1,4 @@
 """Motion of colliders: prescribed paths, and the twists and mobilities of those that contact moves.
 
-Imports: backend.
+Imports: backend, errors, geometry, materials, scene.
 """

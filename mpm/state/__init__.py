@@ -1,4 +1,4 @@
 """Run-time fields: particles, nodes and active blocks, parameters, the impulse ledger, saved states.
 
-Imports: backend, errors, geometry, materials, scene.
+Imports: backend, errors, materials, scene.
 """

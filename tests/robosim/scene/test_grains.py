@@ -72,7 +72,7 @@ def test_a_file_sets_the_contact_of_rehearsals_and_sub_tasks(given: dict) -> Non
         assert field.contact == contact
         assert ("contact" in field.model_dump(mode="json")) == (contact == "touching")
     with build_field(config, salt(), pose).solver as solver, build_field(task, salt(), pose).solver as other:
-        assert solver.contact == other.contact == contact
+        assert solver.numerics.contact == other.numerics.contact == contact
         assert solver.features.touching == other.features.touching == (contact == "touching")
 
 
