@@ -72,7 +72,7 @@ def test_a_damaged_row_is_made_anew(tmp_path: Path, damage: str, capsys: pytest.
     store.keep("k", {"a": [1, (2, 3)]})
     assert store.find("k") == ({"a": [1, [2, 3]]},)
     store.path("k").write_text(damage)
-    assert store.find("k") is None and "it is made anew" in capsys.readouterr().err
+    assert store.find("k") is None and "running the job again" in capsys.readouterr().err
 
 
 def test_jobs_end_with_a_study_that_is_killed(tmp_path: Path, jobs: list[Job]) -> None:
