@@ -51,7 +51,7 @@ def test_a_digest_changes_with_statements_that_are_imported_and_with_nothing_els
 
 
 def test_modules_are_parsed_once(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also by the next process; a damaged memo is made anew."""
+    """Also by the next process; a damaged memo is computed again."""
     first = fresh_digest()
     monkeypatch.setattr(digests, "parse_module", None)  # raises where it is called
     assert fresh_digest() == first
