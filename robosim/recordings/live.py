@@ -26,7 +26,7 @@ class LiveView:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver | None, *, tool: str = "",
                  wrench: Callable[[], mpm.Wrench] | None = None, port: int = PORT, frame_rate: float = FRAME_RATE,
                  out: Path | None = None) -> None:
-        check_port(LOCAL[0], port)
+        check_port(port)
         self._data, self._wrench, self._files = data, wrench, contextlib.ExitStack()
         path = out or Path(self._files.enter_context(tempfile.TemporaryDirectory(prefix="robosim-view-"))) / FILE
         self.recorder = SceneRecorder(path, model, data, solver, kind="scene", title="a scene", frame_rate=frame_rate,
@@ -34,7 +34,7 @@ class LiveView:
         self.update()
         self._process = subprocess.Popen([sys.executable, "-m", "robosim", "view", f"{path}.part", "--port", str(port)],
                                          stdout=subprocess.DEVNULL)
-        self.address = f"http://{LOCAL[0]}:{port}"
+        self.address = f"http://{LOCAL}:{port}"
 
     def update(self) -> bool:
         """Record the present state if a frame is due; return whether it was."""

@@ -4,25 +4,25 @@ import socket
 
 from robosim.base.errors import ConfigError
 
-LOCAL = ("127.0.0.1", "localhost", "::1")
-"""Hosts that this machine alone reaches."""
+LOCAL = "127.0.0.1"
+"""Address that this machine alone reaches."""
 PORT = 8080
 """At which a page is served unless one asks for another."""
 
 
-def check_port(host: str, port: int) -> None:
+def check_port(port: int) -> None:
     """Raise ConfigError where a port cannot be listened at."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((LOCAL[0] if host == "localhost" else host, port))
+            probe.bind((LOCAL, port))
         except OSError as error:
-            raise ConfigError(f"--host {host} --port {port}: {error.strerror}; accepted: an address of this machine "
-                              f"and a free port, such as {free_port()}") from None
+            raise ConfigError(f"--port {port}: {error.strerror}; accepted: a free port, such as {free_port()}"
+                              ) from None
 
 
 def free_port() -> int:
     """Return a port that is free now."""
     with socket.socket() as probe:
-        probe.bind((LOCAL[0], 0))
+        probe.bind((LOCAL, 0))
         return int(probe.getsockname()[1])

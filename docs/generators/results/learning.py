@@ -2,7 +2,7 @@
 
 import io
 import json
-from statistics import fmean, median, stdev
+from statistics import median
 
 import matplotlib as mpl
 import yaml
@@ -20,14 +20,6 @@ TRAINED = ROOT / "policies" / "trained"
 NETWORKS = ROOT / "docs" / "results" / "data" / "networks"
 """What `robosim evaluate` wrote on each network; the rows of the episodes are beside, as .csv."""
 SINGLE_CHANGES = ("single_changes.yaml", "thousand_decisions.yaml")
-METHODS = ("demo", "bc", "dg_sac_utd4", "residual", "dg_sac_literal", "sac", "td3", "ddpg", "ppo", "gail")
-
-
-def spread(values: list[float]) -> str:
-    """Mean, with the standard deviation of the sample where there are several."""
-    if not values:
-        return ""
-    return f"{fmean(values):.1f}" + (f" ± {stdev(values):.1f}" if len(values) > 1 else "")
 
 
 def read_runs(name: str) -> tuple[list[dict], dict]:

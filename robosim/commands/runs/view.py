@@ -30,11 +30,8 @@ def add_parser(commands: Any) -> None:
                         one_of(config_names("materials"), "or a .yaml file") + " (default: the rehearsal's)")
     parser.add_argument("--out", type=Path, help="folder of the results of a rehearsal that is begun (default: a "
                         "temporary one, which is removed at the end)")
-    parser.add_number("--port", default=PORT, help=f"port that the page is served at (default: {PORT})")
-    parser.add_argument("--host", default="127.0.0.1", help="address that it is served at (default: 127.0.0.1, which "
-                        "this machine alone reaches)")
-    parser.add_argument("--allow-others", action="store_true", help="with another --host: let others see and control "
-                        "it, with a token in the address that is printed")
+    parser.add_number("--port", default=PORT, help=f"port that the page is served at, to this machine alone "
+                      f"(default: {PORT})")
     parser.add_settings("rehearsal's file", "field.cell=0.005")
     parser.set_defaults(run=run, after_interrupt="")
 
@@ -56,4 +53,4 @@ def run(options: argparse.Namespace) -> int:
     from robosim.rehearsal.browser.view import view
 
     return view(options.what, plan=options.plan, material=options.material, out=options.out, port=options.port,
-                host=options.host, allows_others=options.allow_others, settings=list(options.settings))
+                settings=list(options.settings))

@@ -14,7 +14,7 @@ from robosim.config.settings import Setting
 from robosim.config.table import read
 from robosim.recordings.reader import FILE, Recording, find_recordings
 from robosim.viewer.playback import Playback
-from robosim.viewer.server import choose_token, open_server, stop_server
+from robosim.viewer.server import open_server, stop_server
 
 WAIT = 0.2
 """Time [s] between two looks for the recording of a rehearsal that prepares."""
@@ -24,14 +24,13 @@ class RunFailed(RobosimError, RuntimeError):
     """The rehearsal that was to be shown ended before its first frame; its own message says why."""
 
 
-def view(what: str, *, port: int, host: str, plan: bool = False, material: str | None = None, out: Path | None = None,
-         allows_others: bool = False, settings: list[Setting] | None = None) -> int:
+def view(what: str, *, port: int, plan: bool = False, material: str | None = None, out: Path | None = None,
+         settings: list[Setting] | None = None) -> int:
     """Serve a page of a run's folder, a recording or a rehearsal until interrupted.
 
     plan: the planned motion of a rehearsal. material, out, settings: of a rehearsal that is begun, whose results go
     into the folder `out`; None: a temporary one. Raises ConfigError for what cannot be shown or served, RunFailed.
     """
-    token = choose_token(host, allows_others)
     with contextlib.ExitStack() as stack:
         editor = recording = None
         if plan:
@@ -42,7 +41,7 @@ def view(what: str, *, port: int, host: str, plan: bool = False, material: str |
             path = find_recordings(Path(what))[0] if is_recorded(what) else \
                 stack.enter_context(begin_run(what, material, out, settings or []))
             recording = stack.enter_context(Recording(path))
-        server, address = open_server(host, port, token)
+        server, address = open_server(port)
         stack.callback(stop_server, server)
         print(f"{address}   (Ctrl-C ends it)", flush=True)
         if editor is not None:
