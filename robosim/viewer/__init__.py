@@ -1,4 +1,4 @@
 """The viewer in a browser: recordings, also of runs that go on.
 
-Imports: base, recordings, rendering, mpm.
+Imports: recordings, rendering, mpm.
 """
