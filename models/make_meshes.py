@@ -1,4 +1,4 @@
-"""Write the visual meshes of iiwa, three-finger gripper, tools and containers: `python models/make_meshes.py`.
+"""Write the visual meshes of iiwa, three-finger gripper and containers: `python models/make_meshes.py`.
 
 Lengths in m; every mesh is in the frame of its MJCF body.
 """
@@ -11,21 +11,11 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 ROOT = Path(__file__).resolve().parent
-sys.path.insert(0, str(ROOT.parent))  # the script also runs from a plain checkout
+sys.path[:0] = [str(ROOT), str(ROOT.parent)]  # the script also runs from a plain checkout
 
-from robosim.shapes import TOOLS, tool_shape  # noqa: E402
-from robosim.shapes.lofts import (  # noqa: E402
-    bezier,
-    compute_end_scale,
-    loft,
-    revolve,
-    smoothstep,
-    space_stations,
-    superellipse,
-    sweep,
-)
-from robosim.shapes.solids import make_stack, write_solids  # noqa: E402
-from robosim.shapes.vessels import make_container_shell  # noqa: E402
+from curves import bezier, compute_end_scale, make_stack, smoothstep, space_stations, sweep, write_solids  # noqa: E402
+
+from robosim.shapes.solids import loft, make_container_shell, revolve, superellipse  # noqa: E402
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]
@@ -174,8 +164,6 @@ def main() -> None:
     """Write every mesh of the models and print the total size."""
     total = write_solids(make_arm(), ROOT / "robots/iiwa14/assets")
     total += write_solids(make_hand(), ROOT / "grippers/robotiq_3f/assets")
-    for tool in TOOLS:
-        total += write_solids(tool_shape(tool).visuals(), ROOT / f"tools/{tool}/assets")
     boxes = {"source": make_container_shell((0.16, 0.13, 0.08)), "target": make_container_shell((0.16, 0.16, 0.08)),
              "tray": make_container_shell((0.20, 0.15, 0.08))}
     total += write_solids(boxes, ROOT / "containers/assets")

@@ -20,11 +20,16 @@ def half_sphere(radius: float, wall: float) -> trimesh.Trimesh:
     return trimesh.creation.revolve(np.concatenate([(radius + wall) * arc, radius * arc[::-1]]), sections=64)
 
 
-def write_ladle(path: Path) -> Path:
-    """Write a half sphere with a rod as its handle, which overlaps the wall."""
+def write_ladle(path: Path, sheet: bool = False) -> Path:
+    """Write a half sphere with a rod as its handle, which overlaps the wall; sheet: the middle of its wall alone."""
     start, along = np.array([-28.5, 0.0, -3.0]), np.array([-1.0, 0.0, 1.0]) / np.sqrt(2.0)
     rod = trimesh.creation.cylinder(HANDLE_MM, segment=[start, start + 170.0 * along], sections=32)
-    trimesh.util.concatenate([half_sphere(BOWL_MM, WALL_MM), rod]).export(path)
+    head = half_sphere(BOWL_MM, WALL_MM)
+    if sheet:
+        angle = np.linspace(0.0, np.pi / 2.0, 24)
+        arc = (BOWL_MM + 0.5 * WALL_MM) * np.column_stack([np.sin(angle), -np.cos(angle)])
+        head = trimesh.creation.revolve(arc, sections=64)
+    trimesh.util.concatenate([head, rod]).export(path)
     return path
 
 

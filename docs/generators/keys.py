@@ -7,7 +7,7 @@ from robosim.commands.keys import KINDS, schema_class
 
 FOLDERS = {"rehearsal": "configs/rehearsals", "task": "configs/tasks",
            "dosing": "configs/dosing", "training": "configs/training", "arm": "models/robots",
-           "gripper": "models/grippers", "tool": "", "measurements": "",
+           "gripper": "models/grippers", "tool": "models/tools", "measurements": "",
            **{kind: "" for kind in KINDS if kind.startswith("experiment.")}}
 """Where the bundled files of a kind are; empty where there are none."""
 

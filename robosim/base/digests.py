@@ -27,7 +27,7 @@ LIBRARIES = ("taichi", "mujoco", "numpy", "scipy", "trimesh", "pin", "ruckig")
 """Libraries whose version a numerical result depends on."""
 SHOWS_ONLY = ("commands", "results", "reports")
 """Folders of packages that read arguments or show results: no figure of a run depends on them."""
-DATA = {"configs": ("*.yaml",), "models": ("*.xml", "*.stl", "*.yaml")}
+DATA = {"configs": ("*.yaml",), "models": ("*.xml", "*.stl", "*.ply", "*.yaml")}
 """Folders with data that results depend on, and the names of their files."""
 MEMO, MOST_REMEMBERED = "modules.json", 4000
 """File of the cache with the modules that were parsed, and how many of them it holds."""

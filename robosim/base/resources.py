@@ -8,9 +8,10 @@ from robosim.base.errors import ConfigError, UnknownName
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Folder of the packages: the repository, or site-packages."""
-PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell", "controllers")
+PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell", "controllers",
+             "inner_face")
 """Keys of files whose values may be paths."""
-SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
+SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj", ".ply")
 """Ends of values that are paths, not names."""
 
 
@@ -44,11 +45,11 @@ def container_names() -> list[str]:
 
 def tool_names() -> list[str]:
     """Names of the tools of models/tools, sorted."""
-    return sorted(path.parent.name for path in (folder("models") / "tools").glob("*/*.xml"))
+    return part_names("tools")
 
 
 def part_names(kind: str) -> list[str]:
-    """Names of the folders of models/<kind> with a .yaml file: arms of robots, hands of grippers."""
+    """Names of the folders of models/<kind> with a .yaml file: arms of robots, hands of grippers, tools."""
     return sorted({path.parent.name for path in (folder("models") / kind).glob("*/*.yaml")})
 
 

@@ -1,13 +1,15 @@
-"""Configuration of a tool of one's own, from a mesh."""
+"""Configuration of a tool, bundled or of one's own: meshes and what they do not say."""
 
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import pydantic
 from pydantic import Field
 
-from robosim.base.resources import tool_names
-from robosim.config.bounds import FilePath, Intensity, Length
+from robosim.base.errors import UnknownName
+from robosim.base.resources import folder, tool_names
+from robosim.config.bounds import MAX_ENTRIES, FilePath, Intensity, Length
 from robosim.config.scene import RegionConfig
 from robosim.config.table import Table, Vector3, load
 
@@ -21,6 +23,8 @@ BodyName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=4
 """Of a body in the scene, and of files."""
 Colour = tuple[Intensity, Intensity, Intensity]
 STEEL: Colour = (0.72, 0.74, 0.77)
+HEAD = 2
+"""Bit of `contype` of tools' heads; `conaffinity` has it in all that they meet."""
 
 
 class HandleConfig(Table):
@@ -52,8 +56,25 @@ class HandleConfig(Table):
         return self
 
 
+class HolesConfig(Table):
+    """Equal holes of a tool's head, smaller than the cells of its field: grains leave by Beverloo's law."""
+
+    positions: Annotated[tuple[Vector3, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
+    """Their centres [m], on the surface of the shell, which is closed there."""
+    axis: Vector3
+    """Direction in which they let grains out."""
+    diameter: Length
+    """[m]"""
+
+    @pydantic.model_validator(mode="after")
+    def _check_axis(self) -> "HolesConfig":
+        if not any(self.axis):
+            raise ValueError(f"axis = {self.axis}; accepted: the direction in which the holes let grains out")
+        return self
+
+
 class ToolConfig(Table):
-    """A tool from a mesh, STL or OBJ, z up while it is level."""
+    """A tool from meshes, STL, OBJ or PLY, z up while it is level."""
 
     name: BodyName = "tool"
     mesh: FilePath
@@ -61,7 +82,22 @@ class ToolConfig(Table):
     scale: Scale = 1.0
     """Metres per unit of the mesh: 0.001 for millimetres."""
     thickness: Length | None = None
-    """Thickness [m] of the wall whose middle the mesh is; null: the mesh is closed, and a solid."""
+    """Thickness [m] of the head's wall. The mesh is the middle of that wall, unless it is closed and `inner_face` or
+    `thicken: normals` is given; null: it is a solid."""
+    inner_face: FilePath | None = None
+    """Path of the inner face of a closed mesh, an open surface. As a thin shell the head is the wall behind it, and its
+    rim has the lip."""
+    thicken: Literal["outward", "normals"] = "outward"
+    """How the wall gets as thick as the grains' cells need it: outward from what the head holds, which is found; or
+    along the vertex normals of the mesh's file, in proportion to their length, which is zero where a vertex stays."""
+    lip: Vector3 | None = None
+    """Place of the pouring edge [m], in the mesh's frame; null: the middle of the holes, or the foremost place along x
+    of the rim of an open mesh or of the inner face."""
+    holes: HolesConfig | None = None
+    """Small holes of the head, which only a thin shell has."""
+    model: FilePath | None = None
+    """Path of an MJCF file with the tool's body, called as the tool, and a site <name>_grip; null: the body is made
+    from mesh, mass and handle."""
     mass: ToolMass | None = None
     """[kg]"""
     density: Density | None = None
@@ -78,6 +114,19 @@ class ToolConfig(Table):
         if (self.mass is None) == (self.density is None):
             raise ValueError(f"mass = {self.mass}, density = {self.density}; accepted: one of the two")
         return self
+
+    @pydantic.model_validator(mode="after")
+    def _check_wall(self) -> "ToolConfig":
+        given = [key for key, value in (("inner_face", self.inner_face), ("holes", self.holes),
+                                        ("thicken: normals", self.thicken == "normals")) if value]
+        if given and self.thickness is None:
+            raise ValueError(f"{' and '.join(given)} without thickness; accepted: the thickness of the wall in metres")
+        return self
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the mesh has to be closed: it is no mid-surface."""
+        return self.thickness is None or self.inner_face is not None or self.thicken == "normals"
 
 
 def read_tool_file(given: Any) -> Any:
@@ -103,6 +152,14 @@ def check_tool(tool: str | ToolConfig) -> str | ToolConfig:
 def name_tool(tool: str | ToolConfig) -> str:
     """Return the name of a tool's body."""
     return tool if isinstance(tool, str) else tool.name
+
+
+@lru_cache
+def load_bundled(name: str) -> ToolConfig:
+    """Load the configuration of a tool of models/tools; raises UnknownName."""
+    if name not in tool_names():
+        raise UnknownName("tool", name, tool_names(), "or the path of a .yaml file of your own")
+    return load(folder("models") / "tools" / name / f"{name}.yaml", ToolConfig)
 
 
 Tool = Annotated[FilePath | ToolConfig, pydantic.BeforeValidator(read_tool_file), pydantic.AfterValidator(check_tool)]

@@ -15,7 +15,7 @@ from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
 from robosim.randomization.draw import STANDARD, Setting
 from robosim.randomization.scene_setting import SceneSetting
-from robosim.robot.assembly import GRIP_TURNS_DEG, add_torque_sensors, add_wrist_sensor, assemble
+from robosim.robot.assembly import GRIP_TURNS_DEG, add_torque_sensors, add_wrist_sensor
 from robosim.robot.inverse_kinematics import solve_pose, step_towards
 from robosim.robot.joint_control import JointSmoother
 from robosim.robot.joint_path import solve_path
@@ -24,6 +24,7 @@ from robosim.robot.timing import JointState
 from robosim.scene.build import build_scene_spec
 from robosim.scene.compiled import compile_scene
 from robosim.scene.grasp import CLOSING_SHARE
+from robosim.scene.models import assemble
 from robosim.senses.arm_sampler import ArmSampler
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig

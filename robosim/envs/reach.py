@@ -11,9 +11,9 @@ import numpy as np
 from mpm import Pose
 from robosim.base.errors import UnreachableWaypoint
 from robosim.envs.arm_tool import IIWA, find_hold
-from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import Arm
+from robosim.scene.models import assemble
 from robosim.tasks.task import TaskConfig
 
 DAMPING = 1e-6

@@ -77,7 +77,7 @@ def make_lip_motion(config: RehearsalConfig) -> LipMotion:
         raise ConfigError(f"dose.at: the tool leans by {np.degrees(lean):.1f} deg at waypoint {waypoint.name!r}, the "
                           f"cup {name!r} by {cup.tilt_deg} deg; accepted: a tool that leans by up to "
                           f"{np.degrees(LEVEL):g} deg, and a cup that stands upright")
-    lip = tool_shape(config.tool).lip() if dose.lip is None else np.array(dose.lip)
+    lip = tool_shape(config.tool).lip if dose.lip is None else np.array(dose.lip)
     if lip is None:
         raise ConfigError(f"dose.lip: missing, and the rim of the {config.tool_name} is not known; accepted: the lip's "
                           f"place in its frame")

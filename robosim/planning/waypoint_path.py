@@ -11,7 +11,7 @@ from robosim.planning.pose_sequences import check_duration
 from robosim.planning.screw_legs import Corner, compute_blend_time, compute_corner_cut, make_leg
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.models import container_shape
-from robosim.shapes import MeshTool, OwnTool, ToolShape, tool_shape
+from robosim.shapes import tool_shape
 
 CONTAINER_MARGIN = 0.02
 """[m] around a container's inside within which the tool counts as in it."""
@@ -114,23 +114,12 @@ class WaypointPath:
         for corner in self._corners:
             if corner.before is None or corner.after is None or not is_in_container(corner.pose, config):
                 continue
-            cut = compute_corner_cut(corner, find_tip(config.tool))
+            cut = compute_corner_cut(corner, tool_shape(config.tool).tip)
             if cut > config.path.corner_tolerance:
                 raise ConfigError(
                     f"waypoint {corner.name!r} lies inside a container and its corner would be cut by "
                     f"{cut * 1e3:.2f} mm; accepted: {config.path.corner_tolerance * 1e3:.2f} mm "
                     "(path.corner_tolerance): lower the speeds before and after it, or stop there")
-
-
-def find_tip(tool: str | OwnTool) -> np.ndarray:
-    """Return the point (3,) [m] of a tool's head that is farthest from the origin of its frame."""
-    return _find_tip(tool_shape(tool))
-
-
-@cache
-def _find_tip(shape: ToolShape | MeshTool) -> np.ndarray:
-    head = shape.head_vertices()
-    return head[np.linalg.norm(head, axis=1).argmax()]
 
 
 def is_in_container(pose: Pose, config: RehearsalConfig) -> bool:

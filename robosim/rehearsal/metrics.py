@@ -9,7 +9,7 @@ from robosim.cell.dosing_stage import DosingStage
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import accepted_error
 from robosim.planning.learned_path import LearnedPath
-from robosim.planning.waypoint_path import find_tip, is_in_container
+from robosim.planning.waypoint_path import is_in_container
 from robosim.rehearsal.mass_balance import (
     GRAVITY,
     compute_fractions,
@@ -20,6 +20,7 @@ from robosim.rehearsal.mass_balance import (
 from robosim.rehearsal.replay.comparison import replay_figures
 from robosim.rehearsal.run import RehearsalRun
 from robosim.scene.frames import waypoint_pose
+from robosim.shapes import tool_shape
 
 PATH_ERROR_STRIDE = 2
 """Steps from one comparison with the commanded path to the next."""
@@ -255,7 +256,7 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
     waypoints' screws. Each is compared with the path about the same time. The latter figure is None where the tool was
     in no container.
     """
-    tip = find_tip(run.config.tool)
+    tip = tool_shape(run.config.tool).tip
     times, reached = run.readings.stack_steps("time"), run.readings.stack_steps("reached")
     commanded = np.array([find_points(Pose(row[:3], row[3:]), tip) for row in run.readings.stack_steps("commanded")])
     worst, inside, window = 0.0, None, round(PATH_ERROR_WINDOW / run.config.host_dt)

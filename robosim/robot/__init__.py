@@ -1,4 +1,4 @@
 """Arms and hands from files: assembly, inverse kinematics, timing, servo, torque sensors, ROS 2 trajectories.
 
-Imports: base, config, shapes, mpm.
+Imports: base, config, mpm.
 """

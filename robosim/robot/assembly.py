@@ -1,7 +1,6 @@
 """Arm, hand and tool put together, as the kinematics and the scene read them."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -9,13 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from mpm import Pose
 from robosim.base.errors import ConfigError
-from robosim.base.resources import folder
-from robosim.config.arm import ArmConfig, BasePose, GripperConfig
-from robosim.robot.hand import NONE, Hand, load_hand, load_hand_model
-from robosim.robot.mjspec import compile_spec, find_site_pose, quiet_attachment, read_model
-from robosim.robot.robot import Robot, load_arm, load_robot_model, read_stand
-from robosim.shapes.mesh_tool import OwnTool, read_tool
-from robosim.shapes.rigid_models import HEAD, build_tool_spec
+from robosim.config.tool import HEAD
+from robosim.robot.hand import NONE, Hand
+from robosim.robot.mjspec import compile_spec, find_site_pose, quiet_attachment
+from robosim.robot.robot import Robot
 
 HAND_PREFIX = "hand_"
 """Before all names of a hand, which may be those of the arm's maker."""
@@ -121,29 +117,6 @@ def check_payload(assembly: Assembly) -> None:
     if payload is not None and mass > payload:
         raise ConfigError(f"{assembly.gripper_name} with {assembly.tool.name if assembly.tool else 'no tool'} weighs "
                           f"{mass:.3g} kg; accepted: up to the payload of {assembly.robot.name}, {payload:g} kg")
-
-
-def load_tool_model(tool: str | OwnTool) -> ToolModel:
-    """Load a tool of models/tools, or one of one's own; raises ConfigError."""
-    if not isinstance(tool, str):
-        return ToolModel(tool.name, build_tool_spec(read_tool(tool)), f"{tool.name}_grip")
-    name = tool
-    return ToolModel(name, read_model(folder("models") / "tools" / name / f"{name}.xml"), f"{name}_grip")
-
-
-def assemble(tool: str | OwnTool | None, robot: str | ArmConfig = "iiwa14", gripper: str | GripperConfig | None = None,
-             grip_turn_deg: float = 0.0, base: BasePose | None = None) -> Assembly:
-    """Put together an arm, a hand and a tool by their names, files or tables.
-
-    tool None: an empty hand; gripper None: the arm's usual hand; base: where the arm stands, None: where its file says.
-    Paths in tables are absolute, or relative to the working directory. Raises ConfigError, UnknownName.
-    """
-    arm = load_arm(robot) if isinstance(robot, str) else load_robot_model(robot, Path())
-    gripper = arm.gripper if gripper is None else gripper
-    hand = load_hand(gripper) if isinstance(gripper, str) else load_hand_model(gripper, Path())
-    if base is not None:
-        arm = replace(arm, stand=read_stand(base))
-    return Assembly(arm, hand, None if tool is None else load_tool_model(tool), grip_turn_deg)
 
 
 def add_wrist_sensor(spec: mujoco.MjSpec, assembly: Assembly) -> None:

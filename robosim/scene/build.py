@@ -10,12 +10,12 @@ from robosim.config.arm import Grip
 from robosim.config.motion import APPROACH
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig
-from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, assemble, meet_heads
+from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, meet_heads
 from robosim.robot.mjspec import quiet_attachment, read_model
 from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grasp import release_tool_joints
-from robosim.scene.models import load_container, load_spec
+from robosim.scene.models import assemble, load_container, load_spec
 
 OBSTACLE = (0.80, 0.45, 0.20, 1.0)
 """Colour of obstacles: RGBA."""

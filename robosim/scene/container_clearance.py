@@ -11,7 +11,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.scene.field import TOOL_SPACING
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
-from robosim.shapes import MeshTool, ToolShape, tool_shape
+from robosim.shapes import ToolShape, tool_shape
 
 POINTS_PER_CONTAINER = 20_000
 """Sampled points on the surface of each container: about 2 mm apart."""
@@ -29,7 +29,7 @@ def monitor_containers(config: RehearsalConfig) -> "ContainerSurface | None":
 
 
 @cache
-def build_real_tool_sdf(shape: ToolShape | MeshTool) -> Lattice:
+def build_real_tool_sdf(shape: ToolShape) -> Lattice:
     """Build the signed distance of a tool with its real wall, in its own frame.
 
     It is evaluated on the host only, so all scenes share one.

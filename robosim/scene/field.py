@@ -16,10 +16,11 @@ from robosim.config.materials import Law
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig, FieldConfig
 from robosim.config.scene_config import SceneConfig
+from robosim.config.tool import ToolConfig
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grains import Filling, build_container_sdf, fill
 from robosim.scene.models import container_shape
-from robosim.shapes import MeshTool, OwnTool, ToolShape, tool_shape
+from robosim.shapes import ToolShape, tool_shape
 
 TOOL_SPACING = 1e-3
 """Lattice spacing [m] of the tool's signed distance: interpolation is exact to 0.1 mm at a sixth of a wall."""
@@ -96,13 +97,13 @@ def build_tool_lattice(scene: SceneConfig) -> Lattice:
 
 
 @functools.lru_cache(maxsize=8)
-def head_distance(shape: ToolShape | MeshTool, wall: float, spacing: float) -> Lattice:
+def head_distance(shape: ToolShape, wall: float, spacing: float) -> Lattice:
     """Return the signed distance of a tool's head with walls of `wall` [m], at points `spacing` [m] apart."""
     return shape.head_distance(wall, spacing)
 
 
 @functools.lru_cache(maxsize=8)
-def head_shell(shape: ToolShape | MeshTool) -> mpm.Shell:
+def head_shell(shape: ToolShape) -> mpm.Shell:
     """Return a tool's head as a thin shell; raises ConfigError for a tool that has none."""
     return shape.head_shell()
 
@@ -147,7 +148,7 @@ def choose_region(config: RehearsalConfig) -> RehearsalConfig:
     return config.model_copy(update={"field": field})
 
 
-def build_tool_sdf(tool: str | OwnTool, thickness: float) -> Lattice:
+def build_tool_sdf(tool: str | ToolConfig, thickness: float) -> Lattice:
     """Build the signed distance of a tool in its own frame.
 
     thickness: of its wall [m]. Raises ConfigError for a tool with holes.
@@ -162,7 +163,7 @@ def filled_volume(config: RehearsalConfig) -> float:
     return volume * len(positions)
 
 
-def check_holes(shape: ToolShape | MeshTool, wall: str) -> None:
+def check_holes(shape: ToolShape, wall: str) -> None:
     """Raise ConfigError for a tool with holes that is a solid in the field; wall: how its wall was given."""
     if shape.holes is not None:
         raise ConfigError(f"tool {shape.name!r} with a {wall}: its holes are smaller than a cell, and a solid has "

@@ -10,9 +10,10 @@ from mpm.geometry.shape import Shape
 from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig, FieldConfig
 from robosim.config.scene_config import SceneConfig
+from robosim.config.tool import ToolConfig
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
-from robosim.shapes import OwnTool, tool_shape
+from robosim.shapes import tool_shape
 from robosim.shapes.containers import BoxShape, ContainerShape
 
 CONTAINER_SPACING = 2e-3
@@ -142,7 +143,7 @@ def leave_out_buried(positions: np.ndarray, walls: Shape, spacing: float) -> np.
     return positions[walls.distance(positions) > -BURIED * spacing]
 
 
-def sample_in_tool(tool: str | OwnTool, sdf: Lattice, spacing: float, rng: np.random.Generator) -> np.ndarray:
+def sample_in_tool(tool: str | ToolConfig, sdf: Lattice, spacing: float, rng: np.random.Generator) -> np.ndarray:
     """Sample positions [m] (n, 3) in the tool's frame where it supports grains.
 
     They fill its interior and as much height again above it, about `spacing` [m] apart.
@@ -163,7 +164,7 @@ def _is_above_tool(points: np.ndarray, sdf: Lattice, spacing: float) -> np.ndarr
     return result
 
 
-def is_in_tool(tool: str | OwnTool, positions: np.ndarray, tool_pose: mpm.Pose) -> np.ndarray:
+def is_in_tool(tool: str | ToolConfig, positions: np.ndarray, tool_pose: mpm.Pose) -> np.ndarray:
     """Test which grains lie in a tool or in the heap on it.
 
     positions [m] (n, 3). Returns (n,) bool.

@@ -1,7 +1,9 @@
-"""Models of a scene: those of models/, and containers of one's own."""
+"""Models of a scene, bundled or of one's own: containers, tools, and arm, hand and tool put together."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -9,9 +11,16 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.base.resources import folder
+from robosim.config.arm import ArmConfig, BasePose, GripperConfig
 from robosim.config.scene import ContainerConfig
+from robosim.config.tool import ToolConfig, load_bundled
+from robosim.robot.assembly import Assembly, ToolModel
+from robosim.robot.hand import load_hand, load_hand_model
+from robosim.robot.mjspec import read_model
+from robosim.robot.robot import load_arm, load_robot_model, read_stand
+from robosim.shapes import tool_shape
 from robosim.shapes.containers import BoxShape, ContainerShape, RoundShape, read_container
-from robosim.shapes.rigid_models import build_container_spec
+from robosim.shapes.rigid_models import build_container_spec, build_tool_spec
 
 
 def load_spec(*parts: str) -> mujoco.MjSpec:
@@ -38,7 +47,7 @@ def read_inner_size(container: str) -> tuple[float, float, float]:
 def container_shape(name: str, container: ContainerConfig) -> ContainerShape:
     """Return the shape of a container by its name and configuration; raises ConfigError for a wrong mesh."""
     if container.mesh is not None:
-        return read_container(container)  # pyright: ignore[reportArgumentType]  (its mesh is given)
+        return read_container(container.mesh, container.thickness, container.scale)
     if container.radius is not None and container.height is not None:
         return make_shape(RoundShape, container.radius, container.height, container.wall)
     if container.size is not None:
@@ -67,3 +76,30 @@ def load_container(name: str, container: ContainerConfig) -> mujoco.MjSpec:
                 if getattr(geom, key).startswith(model):
                     setattr(geom, key, name + getattr(geom, key).removeprefix(model))
     return spec
+
+
+def load_tool_model(tool: str | ToolConfig) -> ToolModel:
+    """Load the body of a tool of models/tools, or of one of one's own; raises ConfigError."""
+    config = load_bundled(tool) if isinstance(tool, str) else tool
+    name, grip = config.name, f"{config.name}_grip"
+    spec = build_tool_spec(tool_shape(tool)) if config.model is None else read_model(Path(config.model))
+    if spec.body(name) is None or spec.site(grip) is None:
+        raise ConfigError(f"{config.model}: has no body {name!r} with a site {grip!r}; accepted: an MJCF file of the "
+                          f"tool's body")
+    return ToolModel(name, spec, grip)
+
+
+def assemble(tool: str | ToolConfig | None, robot: str | ArmConfig = "iiwa14",
+             gripper: str | GripperConfig | None = None, grip_turn_deg: float = 0.0,
+             base: BasePose | None = None) -> Assembly:
+    """Put together an arm, a hand and a tool by their names, files or tables.
+
+    tool None: an empty hand; gripper None: the arm's usual hand; base: where the arm stands, None: where its file says.
+    Paths in tables are absolute, or relative to the working directory. Raises ConfigError, UnknownName.
+    """
+    arm = load_arm(robot) if isinstance(robot, str) else load_robot_model(robot, Path())
+    gripper = arm.gripper if gripper is None else gripper
+    hand = load_hand(gripper) if isinstance(gripper, str) else load_hand_model(gripper, Path())
+    if base is not None:
+        arm = replace(arm, stand=read_stand(base))
+    return Assembly(arm, hand, None if tool is None else load_tool_model(tool), grip_turn_deg)

@@ -10,10 +10,9 @@ import mpm
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.randomization.still_bodies import StillBodies
 from robosim.rendering.renderer import TARGET_MARK, add_mark
-from robosim.robot.assembly import load_tool_model
 from robosim.robot.mjspec import quiet_attachment
 from robosim.scene.build import add_container
-from robosim.scene.models import load_spec
+from robosim.scene.models import load_spec, load_tool_model
 from robosim.tasks.task import RegionConfig, TaskConfig
 
 OWN = "own_camera"

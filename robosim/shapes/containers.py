@@ -15,13 +15,10 @@ from scipy.ndimage import binary_dilation
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.base.errors import ConfigError
-from robosim.shapes.faces import revolve_face, shell_behind
 from robosim.shapes.grown_wall import grow_outward, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside
-from robosim.shapes.lofts import revolve
 from robosim.shapes.mesh_files import join, read_parts
-from robosim.shapes.mesh_tool import MeshFile
-from robosim.shapes.vessels import CONTAINER_CORNER, make_box_face, make_container_shell
+from robosim.shapes.solids import CONTAINER_CORNER, make_box_face, make_container_shell, revolve, revolve_face
 
 Array = NDArray[np.float64]
 Found = NDArray[np.bool_]
@@ -97,7 +94,40 @@ class ContainerShape(ABC):
         return points[self.between_walls(points)], float(np.prod(upper - low)) / len(points)
 
 
-class BoxShape(ContainerShape):
+class UprightShape(ContainerShape):
+    """A container of given sizes with a flat floor at z = 0 and vertical walls."""
+
+    @abstractmethod
+    def _solid(self, wall: float) -> trimesh.Trimesh:
+        """Make walls that are `wall` thick, grown outward, closed."""
+
+    @abstractmethod
+    def _face(self) -> trimesh.Trimesh:
+        """Make their inner face."""
+
+    @abstractmethod
+    def _is_across(self, points: Array) -> Found:
+        """Return which points (n, 3) are within the walls' outline, or WALL_MARGIN beyond it."""
+
+    def walls(self) -> trimesh.Trimesh:
+        """Make the real walls, closed."""
+        return self._solid(self.wall)
+
+    def distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the signed distance of walls that are `wall` thick, grown outward."""
+        return mpm.Sdf.from_mesh(self._solid(wall), spacing=spacing)
+
+    def shell(self) -> mpm.Shell:
+        """Return the walls as a thin shell of their real thickness."""
+        return mpm.Shell.from_mesh(self._face(), self.wall, behind=True)
+
+    def holds(self, points: Array) -> Found:
+        """Return which points (n, 3) count as in it."""
+        z = points[:, 2]
+        return self._is_across(points) & (z < self.bounds[1][2] + RIM_MARGIN) & (z > -FLOOR_MARGIN)
+
+
+class BoxShape(UprightShape):
     """A box with rounded upright edges; size (3,): of the inside."""
 
     def __init__(self, size: tuple[float, float, float], wall: float = 0.006) -> None:
@@ -114,23 +144,14 @@ class BoxShape(ContainerShape):
         """Return the volume [m^3] up to a height above the floor, as without rounded edges."""
         return float(self.size[0] * self.size[1] * height)
 
-    def walls(self) -> trimesh.Trimesh:
-        """Make the real walls, closed."""
-        return make_container_shell(self.size, self.wall, self.corner)
+    def _solid(self, wall: float) -> trimesh.Trimesh:
+        return make_container_shell(self.size, wall, self.corner)
 
-    def distance(self, wall: float, spacing: float) -> Lattice:
-        """Return the signed distance of walls that are `wall` thick, grown outward."""
-        return mpm.Sdf.from_mesh(make_container_shell(self.size, wall, self.corner), spacing=spacing)
+    def _face(self) -> trimesh.Trimesh:
+        return make_box_face(self.size, self.corner)
 
-    def shell(self) -> mpm.Shell:
-        """Return the walls as a thin shell of their real thickness."""
-        return shell_behind(make_box_face(self.size, self.corner), self.wall)
-
-    def holds(self, points: Array) -> Found:
-        """Return which points (n, 3) count as in it."""
-        half = self.size[:2] / 2.0 + WALL_MARGIN
-        between = np.all(np.abs(points[:, :2]) < half, axis=1)
-        return between & (points[:, 2] < self.size[2] + RIM_MARGIN) & (points[:, 2] > -FLOOR_MARGIN)
+    def _is_across(self, points: Array) -> Found:
+        return np.all(np.abs(points[:, :2]) < self.size[:2] / 2.0 + WALL_MARGIN, axis=1)
 
     def between_walls(self, points: Array) -> Found:
         """Return which points (n, 3) of the box around the inside are in it."""
@@ -138,7 +159,7 @@ class BoxShape(ContainerShape):
         return np.hypot(*beyond.T) <= self.corner
 
 
-class RoundShape(ContainerShape):
+class RoundShape(UprightShape):
     """An upright cylinder."""
 
     is_round = True
@@ -151,27 +172,16 @@ class RoundShape(ContainerShape):
         """Lower and upper corner (3,) of the box around the inside."""
         return np.array([-self.radius, -self.radius, 0.0]), np.array([self.radius, self.radius, self._height])
 
-    def _make(self, wall: float) -> trimesh.Trimesh:
+    def _solid(self, wall: float) -> trimesh.Trimesh:
         outer, high = self.radius + wall, self._height
         return revolve([(0.0, -wall), (outer, -wall), (outer, high), (self.radius, high), (self.radius, 0.0),
                         (0.0, 0.0)], 64)
 
-    def walls(self) -> trimesh.Trimesh:
-        """Make the real walls, closed."""
-        return self._make(self.wall)
+    def _face(self) -> trimesh.Trimesh:
+        return revolve_face([(0.0, 0.0), (self.radius, 0.0), (self.radius, self._height)], 64)
 
-    def distance(self, wall: float, spacing: float) -> Lattice:
-        """Return the signed distance of walls that are `wall` thick, grown outward."""
-        return mpm.Sdf.from_mesh(self._make(wall), spacing=spacing)
-
-    def shell(self) -> mpm.Shell:
-        """Return the walls as a thin shell of their real thickness."""
-        return shell_behind(revolve_face([(0.0, 0.0), (self.radius, 0.0), (self.radius, self._height)], 64), self.wall)
-
-    def holds(self, points: Array) -> Found:
-        """Return which points (n, 3) count as in it."""
-        within = np.hypot(points[:, 0], points[:, 1]) < self.radius + WALL_MARGIN
-        return within & (points[:, 2] < self._height + RIM_MARGIN) & (points[:, 2] > -FLOOR_MARGIN)
+    def _is_across(self, points: Array) -> Found:
+        return np.hypot(points[:, 0], points[:, 1]) < self.radius + WALL_MARGIN
 
     def between_walls(self, points: Array) -> Found:
         """Return which points (n, 3) of the box around the inside are in it."""
@@ -223,16 +233,16 @@ class MeshShape(ContainerShape):
         return self.inside.holds(points)
 
 
-def read_container(file: MeshFile) -> MeshShape:
+def read_container(mesh: str, thickness: float | None, scale: float) -> MeshShape:
     """Read a container from a mesh; raises ConfigError. A file that has not changed is read once."""
-    path = Path(file.mesh)
-    return _read_container(file, path.stat().st_mtime_ns if path.is_file() else 0)
+    path = Path(mesh)
+    return _read_container(path, thickness, scale, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @lru_cache(maxsize=16)
-def _read_container(file: MeshFile, stamp: int) -> MeshShape:
-    parts = read_parts(Path(file.mesh), file.thickness, file.scale)
+def _read_container(path: Path, thickness: float | None, scale: float, stamp: int) -> MeshShape:
+    parts = read_parts(path, thickness, scale)
     try:
         return MeshShape(parts, find_inside(parts))
     except ConfigError as error:
-        raise ConfigError(f"{file.mesh}: {error}") from None
+        raise ConfigError(f"{path}: {error}") from None

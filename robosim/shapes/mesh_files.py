@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from robosim.base.errors import ConfigError
 
-SUFFIXES = (".stl", ".obj")
+SUFFIXES = (".stl", ".obj", ".ply")
 MOST_BYTES = 200_000_000
 MOST_FACES = 200_000
 LARGEST, SMALLEST = 3.0, 5e-3
 """Longest edge [m] of the box around a tool or container, and the least; beyond them the unit is wrong."""
 UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254}
+SIDE_SAMPLES = 40
+"""Faces of an inner face by which its front side is found."""
 PARALLEL = 1e-12
 """Determinant, relative to the size of triangles, below which a segment is parallel to one."""
 
@@ -46,6 +48,39 @@ def read_parts(path: Path, thickness: float | None = None, scale: float = 1.0) -
     return solids
 
 
+def read_surface(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
+    """Read the open parts of a file as one surface [m], or all of one that has none; raises ConfigError."""
+    parts = split_parts(read_mesh(path, scale))
+    surface = join([part for part in parts if not part.is_watertight] or parts)
+    check_sides(surface, path)
+    check_intersections(surface, path)
+    return surface
+
+
+def turn_from_wall(face: trimesh.Trimesh, solids: list[trimesh.Trimesh], wall: float) -> None:
+    """Turn the normals of an inner face away from the wall of closed meshes, `wall` [m] thick, that lies behind it."""
+    some = np.linspace(0, len(face.faces) - 1, SIDE_SAMPLES).astype(int)
+    ahead = face.triangles_center[some] + 0.5 * wall * face.face_normals[some]
+    if np.mean(np.any([solid.contains(ahead) for solid in solids], axis=0)) > 0.5:
+        face.invert()
+
+
+def read_directions(path: Path, parts: list[trimesh.Trimesh]) -> Array:
+    """Read the normals (n, 3) of a file's vertices, as they are; parts: what `read_parts` returns for the file.
+
+    Raises ConfigError for a file of several parts, and for normals that let no vertex stay where it is.
+    """
+    mesh = trimesh.load(path, process=False)  # with `force` the normals would be computed
+    if not isinstance(mesh, trimesh.Trimesh) or len(parts) > 1 or len(mesh.vertices) != len(parts[0].vertices):
+        raise ConfigError(f"{path}: {len(parts)} parts, or several vertices at a place; accepted with thicken: "
+                          f"normals: one part whose faces share their vertices, as a PLY file can have it")
+    normals = np.array(mesh.vertex_normals)
+    if np.all(np.linalg.norm(normals, axis=1) > 0.0):
+        raise ConfigError(f"{path}: none of its vertex normals is zero, so that what it holds would shrink; accepted "
+                          f"with thicken: normals: length 0 on the wall's inner side, as a PLY file can have it")
+    return normals
+
+
 def split_parts(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     """Return the parts of a mesh that are connected over edges; one alone is the mesh itself."""
     labels = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
@@ -64,13 +99,18 @@ def pick_faces(mesh: trimesh.Trimesh, chosen: NDArray[np.bool_]) -> trimesh.Trim
 
 def make_wall(part: trimesh.Trimesh, path: Path, thickness: float) -> trimesh.Trimesh:
     """Return the closed wall about an open part; raises ConfigError."""
-    if not part.is_winding_consistent:
-        raise ConfigError(f"{path}: neighbouring faces look to opposite sides; accepted: a surface with one front side")
+    check_sides(part, path)
     check_intersections(part, path)
     wall = thicken(part, thickness)
     check_closed(wall, path)
     check_intersections(wall, path, f"its wall of {1e3 * thickness:g} mm: thinner, or a surface without narrow places")
     return wall
+
+
+def check_sides(surface: trimesh.Trimesh, path: Path) -> None:
+    """Raise ConfigError for a surface whose faces look to both of its sides."""
+    if not surface.is_winding_consistent:
+        raise ConfigError(f"{path}: neighbouring faces look to opposite sides; accepted: a surface with one front side")
 
 
 def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
@@ -166,9 +206,9 @@ def check_intersections(mesh: trimesh.Trimesh, path: Path, what: str = "a mesh t
 def find_near_pairs(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
     """Return pairs (n, 2) of faces whose boxes overlap and that share no corner."""
     triangles, tree = mesh.triangles, mesh.triangles_tree
-    bounds = np.concatenate([triangles.min(1), triangles.max(1)], axis=1)
-    near = [(face, other) for face, box in enumerate(bounds) for other in tree.intersection(box) if other > face]
-    pairs = np.array(near, np.int64).reshape(-1, 2)
+    others, counts = tree.intersection_v(triangles.min(1), triangles.max(1))
+    pairs = np.column_stack([np.repeat(np.arange(len(counts)), counts.astype(int)), others.astype(int)])
+    pairs = pairs[pairs[:, 1] > pairs[:, 0]]
     shared = (mesh.faces[pairs[:, 0], :, None] == mesh.faces[pairs[:, 1], None, :]).any((1, 2))
     return pairs[~shared]
 

@@ -8,12 +8,11 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from robosim.config.tool import HEAD
 from robosim.shapes.containers import ContainerShape
 from robosim.shapes.mesh_files import subdivide
-from robosim.shapes.mesh_tool import MeshTool
+from robosim.shapes.tool import ToolShape
 
-HEAD = 2
-"""Bit of `contype` of tools' heads; `conaffinity` has it in all that they meet."""
 SECTORS, BANDS = 24, 8
 """Convex parts of a container's wall, around its axis and from floor to rim: hulls of an 8 cm bowl's parts reach
 2 mm into its inside, those of a box's rounded edges 4 mm."""
@@ -25,7 +24,7 @@ GLASS = (0.80, 0.86, 0.90, 0.45)
 Array = NDArray[np.float64]
 
 
-def build_tool_spec(tool: MeshTool) -> mujoco.MjSpec:
+def build_tool_spec(tool: ToolShape) -> mujoco.MjSpec:
     """Build a tool's body: mass and inertia of its mesh, a capsule along its handle, and its head's convex hull."""
     spec = mujoco.MjSpec()
     body = spec.worldbody.add_body(name=tool.name)
@@ -34,7 +33,7 @@ def build_tool_spec(tool: MeshTool) -> mujoco.MjSpec:
     body.fullinertia = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     add_mesh(spec, f"{tool.name}_mesh", tool.mesh)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{tool.name}_mesh", group=2, contype=0, conaffinity=0,
-                  mass=0.0, rgba=[*tool.colour, 1.0])
+                  mass=0.0, rgba=[*tool.config.colour, 1.0])
     rest = tool.head_vertices()
     if len(rest) > 3 and np.linalg.matrix_rank(rest - rest.mean(0), tol=1e-6) == 3:
         add_mesh(spec, f"{tool.name}_head", trimesh.convex.convex_hull(rest))

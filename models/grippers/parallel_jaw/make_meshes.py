@@ -10,18 +10,11 @@ import numpy as np
 import trimesh
 
 ROOT = Path(__file__).resolve().parent
-sys.path.insert(0, str(ROOT.parents[2]))  # the script also runs from a plain checkout
+sys.path[:0] = map(str, ROOT.parents[1:3])  # the script also runs from a plain checkout
 
-from robosim.shapes.lofts import (  # noqa: E402
-    bezier,
-    compute_end_scale,
-    revolve,
-    smoothstep,
-    space_stations,
-    superellipse,
-    sweep,
-)
-from robosim.shapes.solids import make_stack, write_solids  # noqa: E402
+from curves import bezier, compute_end_scale, make_stack, smoothstep, space_stations, sweep, write_solids  # noqa: E402
+
+from robosim.shapes.solids import revolve, superellipse  # noqa: E402
 
 Parts = dict[str, trimesh.Trimesh]
 

@@ -65,9 +65,10 @@ class ToolView:
         self._action, self._vibration = task.action, task.action.vibration
         self._duration = task.steps * task.step_dt
         level = task.start.pitch_deg if task.dose.level_pitch_deg is None else task.dose.level_pitch_deg
-        lip = tool_shape(task.tool).lip()
+        lip = tool_shape(task.tool).lip
         if lip is None:
-            raise ConfigError(f"tool {task.tool_name!r}: its rim is not known; accepted: spoon, scoop, bottle, shaker")
+            raise ConfigError(f"tool {task.tool_name!r}: its pouring edge is not known; accepted: a tool with lip, "
+                              f"inner_face or holes, or whose mesh is an open surface with a thickness")
         self._level, self._lip = np.radians(level), lip
         self._tare: float | None = None
         self._tilt = 0.0

@@ -15,7 +15,7 @@ from robosim.config.materials import load_material
 from robosim.envs import BUNDLED, DOSING, TASKS
 from robosim.envs.grain_env import GrainEnv
 from robosim.scene.grains import grain_volume
-from robosim.shapes.vessels import SPOON_INTERIOR
+from robosim.shapes import tool_shape
 from robosim.studies.evaluation.policies import make_policy
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.observation import Observer
@@ -215,7 +215,7 @@ def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
         now = pour.counter.read()
         terms = pour.reward.step(now, 0.0, True)
         tool = pour.solver.collider_pose(0).inverse()
-        out, ahead = (~bounds.holds(x) & ~SPOON_INTERIOR.holds(tool.apply(x)) for x in (before, after))
+        out, ahead = (~bounds.holds(x) & ~tool_shape("spoon").interior.holds(tool.apply(x)) for x in (before, after))
         crossed = ahead & ~out
         assert crossed.sum() > 5
         signs = np.where(target.holds(before[crossed]), 1.0, -1.0)

@@ -17,8 +17,8 @@ from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
-from robosim.shapes import TOOLS, tool_shape
-from robosim.shapes.vessels import make_container_shell
+from robosim.shapes import tool_shape
+from robosim.shapes.solids import make_container_shell
 from robosim.tasks.task import load_task
 
 
@@ -94,7 +94,7 @@ def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
     floor is in the middle of the bowl needs more than the largest shift and is unchanged.
     """
     action = load_task("SpoonScoop").action
-    head = np.concatenate([part.vertices for part in TOOLS["spoon"].solid()])
+    head = tool_shape("spoon").mesh.vertices
     height = LearnedPath(chained).pose(0.0).apply(head)[:, 2].min() - chained.containers["source"].position[2]
 
     def make_path(depth: float) -> LearnedPath:

@@ -20,8 +20,8 @@ from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rehearsal.session import MISSED_TRAJECTORY, TRAJECTORY, rehearse
-from robosim.robot.assembly import assemble
 from robosim.robot.model import Arm
+from robosim.scene.models import assemble
 
 UNIT = re.compile("_(s|m|kg|deg)$")
 """End of a figure's name that gives its unit."""

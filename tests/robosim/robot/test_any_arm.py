@@ -14,7 +14,7 @@ from mpm.geometry.rigid_motion import relative_rotation
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.arm import ArmConfig
 from robosim.planning.robot_clearance import RobotClearance
-from robosim.robot.assembly import HAND_PREFIX, WRIST_SITE, Assembly, add_wrist_sensor, assemble
+from robosim.robot.assembly import HAND_PREFIX, WRIST_SITE, Assembly, add_wrist_sensor
 from robosim.robot.hand import bundled_hands, load_hand
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.mjspec import compile_spec
@@ -22,6 +22,7 @@ from robosim.robot.model import Arm
 from robosim.robot.robot import bundled_arms, load_robot_model
 from robosim.scene.build import build_scene_spec
 from robosim.scene.compiled import compile_scene
+from robosim.scene.models import assemble
 
 POSES, RESTARTS = 200, 60
 STAND = Pose(np.array([0.1, -0.2, 0.3]),

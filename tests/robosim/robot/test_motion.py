@@ -7,11 +7,11 @@ from scipy.spatial.transform import Rotation
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
 from robosim.config.rehearsal import load_rehearsal
 from robosim.planning.plan import Plan, plan_motion
-from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.joint_control import JointSmoother
 from robosim.robot.model import Arm
 from robosim.robot.timing import compute_time_scale
+from robosim.scene.models import assemble
 
 
 def random_pose(rng: np.random.Generator) -> Pose:

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from robosim.robot.assembly import assemble, load_tool_model
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
-from robosim.shapes.tool import compute_grip_pose
-from robosim.shapes.vessels import SPOON_HANDLE_START
+from robosim.scene.models import assemble
 
 
 @pytest.fixture(scope="module")
@@ -54,12 +51,3 @@ def test_masses(pair) -> None:
     hand = model.body("hand_palm").subtreemass[0] - model.body("spoon").mass[0]
     assert arm == pytest.approx(29.9, abs=1e-9)
     assert hand == pytest.approx(2.3, abs=1e-9)
-
-
-def test_the_grip_site_lies_on_the_handle() -> None:
-    """The grip site in the model file is the grip pose of the handle's shape."""
-    spec = load_tool_model("spoon").spec
-    site, pose = spec.site("spoon_grip"), compute_grip_pose(SPOON_HANDLE_START)
-    assert site.pos == pytest.approx(pose[:3, 3], abs=1e-5)
-    matrix = Rotation.from_quat(site.quat, scalar_first=True).as_matrix()
-    assert matrix == pytest.approx(pose[:3, :3], abs=1e-6)

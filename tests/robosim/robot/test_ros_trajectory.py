@@ -8,10 +8,10 @@ from robosim.commands.main import main
 from robosim.config.motion import JointTrajectoryConfig
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import read_setting
-from robosim.robot.assembly import assemble
 from robosim.robot.model import Arm
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.robot.timing import SmoothMotion
+from robosim.scene.models import assemble
 
 ARM = [f"A{i}" for i in range(1, 8)]
 

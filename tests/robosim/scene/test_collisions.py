@@ -6,12 +6,12 @@ import pytest
 
 import mpm
 from robosim.config.rehearsal import load_rehearsal
-from robosim.robot.assembly import assemble
 from robosim.scene import container_clearance
 from robosim.scene.build import compile_rehearsal
 from robosim.scene.collisions import ContactCounter
 from robosim.scene.compiled import Scene
 from robosim.scene.frames import container_pose
+from robosim.scene.models import assemble
 
 
 def test_container_points_in_the_tool_are_counted_with_their_depth(monkeypatch: pytest.MonkeyPatch) -> None:

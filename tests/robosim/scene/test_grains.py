@@ -15,7 +15,7 @@ from robosim.scene.frames import container_pose
 from robosim.scene.grains import fill, leave_out_buried
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
-from robosim.shapes.vessels import CONTAINER_CORNER, make_container_shell
+from robosim.shapes.solids import CONTAINER_CORNER, make_container_shell
 from robosim.tasks.task import load_task
 
 TASKS = ["SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",

@@ -6,9 +6,10 @@ import pytest
 import mpm
 from mpm.scene.scene import CONTACTS, Contact
 from robosim.scene.field import build_tool_sdf
-from robosim.shapes.vessels import BOWL
 
 CELL = 0.005
+BOWL = np.array([0.035, 0.025, 0.030])
+"""Half axes [m] of the spoon's cavity."""
 
 
 def filled_spoon(thickness: float, offset: np.ndarray, contact: Contact = "near") -> tuple[mpm.Solver, mpm.Pose]:

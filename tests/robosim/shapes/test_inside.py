@@ -6,9 +6,9 @@ import trimesh
 from own_meshes import half_sphere
 
 from robosim.base.errors import ConfigError
-from robosim.shapes import TOOLS
+from robosim.shapes import tool_shape
 from robosim.shapes.inside import Inside, find_inside
-from robosim.shapes.lofts import revolve
+from robosim.shapes.solids import revolve
 
 
 def make_cup(radius: float, height: float, wall: float) -> trimesh.Trimesh:
@@ -19,7 +19,7 @@ def make_cup(radius: float, height: float, wall: float) -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def spoon() -> tuple[trimesh.Trimesh, Inside]:
-    mesh = TOOLS["spoon"].head(0.0015)
+    (mesh,) = tool_shape("spoon").head
     return mesh, find_inside(mesh)
 
 

@@ -80,9 +80,9 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path: Path) -> None:
     refuse(flipped, path, "neighbouring faces look to opposite sides", 1e-3)
     (tmp_path / "no.stl").write_text("not a mesh")
     for name, message in (("no.stl", "cannot be read as a mesh|holds no triangles"), ("missing.stl", "no such file"),
-                          ("tool.ply", "no such file")):
+                          ("tool.off", "no such file")):
         with pytest.raises(ConfigError, match=message):
             read_parts(tmp_path / name)
-    (tmp_path / "tool.ply").write_text("ply")
-    with pytest.raises(ConfigError, match=r"\.ply format; accepted: .stl, .obj"):
-        read_parts(tmp_path / "tool.ply")
+    (tmp_path / "tool.off").write_text("off")
+    with pytest.raises(ConfigError, match=r"\.off format; accepted: .stl, .obj, .ply"):
+        read_parts(tmp_path / "tool.off")

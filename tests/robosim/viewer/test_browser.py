@@ -21,8 +21,8 @@ GRAINS, FRAMES, RATE = 50_000, 60, 20.0
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return three seconds of an arm of seven links that turns over a bed of 50 000 grains."""
     from robosim.rendering.body_shapes import body_shapes
-    from robosim.robot.assembly import assemble
     from robosim.robot.mjspec import compile_spec
+    from robosim.scene.models import assemble
 
     model = compile_spec(assemble("spoon").build_spec())
     shapes = {model.body(k).name: glb for k, glb in body_shapes(model).items() if model.body(k).name}

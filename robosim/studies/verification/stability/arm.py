@@ -11,13 +11,13 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.robot.assembly import assemble
 from robosim.robot.joint_control import Servo
 from robosim.robot.joint_path import solve_path
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointState, SmoothMotion
 from robosim.scene.build import build_scene_spec
 from robosim.scene.compiled import Scene, compile_scene
+from robosim.scene.models import assemble
 from robosim.studies.verification.stability.cell import G, Outcome
 
 TOOL = "spoon"

@@ -12,7 +12,6 @@ from robosim.dosing import CONTROLLERS
 from robosim.dosing.command import DoseCommand
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs.carrier import Carrier
-from robosim.shapes.vessels import BOWL
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy, ToolView, numbers_of
 from robosim.studies.evaluation.policies import make_policy
 from robosim.studies.tuning.curve import given_numbers
@@ -94,7 +93,7 @@ def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
     env.observation = observe(carrier)
     action = make_policy(name, env, 0)()
     assert action.shape == (8,) and action.dtype == np.float32 and np.abs(action).max() <= 1.0
-    lip = carrier.commanded.position + carrier.commanded.matrix @ [BOWL[0], 0.0, 0.0]
+    lip = carrier.commanded.position + carrier.commanded.matrix @ [0.035, 0.0, 0.0]
     assert action[:3] @ (np.array(SPOON.goal) - lip) > 0.0 and action[6] == -1.0
 
 
@@ -113,7 +112,7 @@ def test_a_controller_is_given_the_tolerances_of_the_task(tolerances: dict[str, 
 
 
 def test_what_a_policy_refuses() -> None:
-    with pytest.raises(ConfigError, match="tool 'shovel': its rim is not known; accepted: spoon, scoop, bottle"):
+    with pytest.raises(ConfigError, match="tool 'shovel': its pouring edge is not known; accepted: a tool with lip"):
         DosingPolicy("pi", stub(SPOON.model_copy(update={"tool": "shovel"})))
     pour = load_task("SpoonPour")
     with pytest.raises(ConfigError, match="no section dose, or no action.vibration; accepted: dosing tasks"):

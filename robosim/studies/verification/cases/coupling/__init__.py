@@ -1,4 +1,4 @@
 """Cases of rigid bodies coupled to a field.
 
-Imports: config, coupling, scene, shapes, mpm.
+Imports: config, coupling, scene, mpm.
 """

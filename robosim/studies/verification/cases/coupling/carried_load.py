@@ -11,12 +11,13 @@ from mpm.scene.scene import Contact
 from robosim.config.materials import load_material
 from robosim.coupling.plugin import Coupling
 from robosim.scene.field import build_tool_sdf
-from robosim.shapes.vessels import BOWL
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import each_within
 from robosim.studies.verification.cases.rigid_body import couple
 
 HOST_STEP, SPOON_MASS = 1e-3, 0.133
+BOWL = np.array([0.035, 0.025, 0.030])
+"""Half axes [m] of the spoon's cavity."""
 
 GANTRY = """
 <mujoco>

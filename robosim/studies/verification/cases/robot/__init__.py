@@ -1,4 +1,4 @@
 """Cases of the arm.
 
-Imports: config, robot, mpm.
+Imports: config, robot, scene, mpm.
 """

@@ -11,10 +11,10 @@ import numpy as np
 
 from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
-from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
+from robosim.scene.models import assemble
 from robosim.studies.verification.cases.case import Cost, Record, case, make_record
 from robosim.studies.verification.cases.expectations import each_within
 

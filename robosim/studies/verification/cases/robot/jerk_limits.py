@@ -9,9 +9,9 @@ import time
 import numpy as np
 
 from robosim.config.rehearsal import load_rehearsal
-from robosim.robot.assembly import assemble
 from robosim.robot.model import Arm
 from robosim.robot.timing import SmoothMotion
+from robosim.scene.models import assemble
 from robosim.studies.verification.cases.case import Cost, Record, case, make_record
 from robosim.studies.verification.cases.expectations import each_within
 

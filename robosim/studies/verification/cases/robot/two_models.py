@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 import pinocchio
 
-from robosim.robot.assembly import assemble
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
+from robosim.scene.models import assemble
 from robosim.studies.verification.cases.case import Cost, Record, case, make_record
 from robosim.studies.verification.cases.expectations import each_within
 

@@ -1,27 +1,17 @@
-"""Closed triangle meshes from curves: revolve, loft and sweep.
+"""Curves, swept bars and files that the scripts `make_meshes.py` of the models share.
 
-All lengths are metres. Every function returns a watertight trimesh.Trimesh with outward normals: the side is
-a grid of quads (two triangles each), the ends are closed by fans, and the winding is inverted where the signed
-volume is negative.
+All lengths are metres.
 """
+
+from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
+from robosim.shapes.solids import loft, superellipse
+
 Array = NDArray[np.float64]
-
-
-def superellipse(a: float, b: float, exponent: float = 2.0, count: int = 40) -> Array:
-    """Sample points (count, 2) of |x/a|^e + |y/b|^e = 1.
-
-    Counter-clockwise from +x; half axes a, b [m]. Exponent 2 is an ellipse, 4 to 8 a rounded rectangle.
-    """
-    angle = 2.0 * np.pi * np.arange(count) / count
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    # points of the ellipse are moved along its rays: they are spread better than with powers of sin and cos
-    reach = np.sum(np.abs(circle) ** exponent, axis=1) ** (-1.0 / exponent)
-    return circle * reach[:, None] * np.array([a, b])
 
 
 def bezier(control: ArrayLike, t: ArrayLike) -> Array:
@@ -66,50 +56,6 @@ def space_stations(length: float, start: float, end: float, inner: int = 8, cap:
     return np.concatenate([head, np.linspace(head[-1], tail[0], inner + 2)[1:-1], tail])
 
 
-def loft(
-    sections: ArrayLike, apexes: tuple[ArrayLike | None, ArrayLike | None] = (None, None)
-) -> trimesh.Trimesh:
-    """Join k closed sections (k, n, 3) [m] into a solid.
-
-    Its two ends are closed by triangle fans. apexes gives the centre points (3,) of the fans; None takes the mean of
-    the end section (a flat cap).
-    """
-    rings = np.asarray(sections, float)
-    k, n, _ = rings.shape
-    tips = [ring.mean(axis=0) if tip is None else np.asarray(tip, float)
-            for tip, ring in zip(apexes, (rings[0], rings[-1]), strict=True)]
-    here = np.arange(n)
-    after = np.roll(here, -1)
-    row = n * np.arange(k - 1)[:, None]
-    a, b, c, d = (row + here, row + after, row + n + after, row + n + here)
-    side = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    first = np.stack([np.full(n, k * n), after, here], axis=1)
-    last = np.stack([np.full(n, k * n + 1), (k - 1) * n + here, (k - 1) * n + after], axis=1)
-    vertices = np.concatenate([rings.reshape(-1, 3), np.stack(tips)])
-    mesh = trimesh.Trimesh(vertices, np.concatenate([side, first, last]), process=False)
-    if mesh.volume < 0.0:
-        mesh.invert()
-    return mesh
-
-
-def revolve(profile: ArrayLike, segments: int = 40) -> trimesh.Trimesh:
-    """Revolve a profile (n, 2) of (radius, height) [m] about the z axis.
-
-    A first or last radius of zero becomes a pole, else the end is closed by a flat disc.
-    """
-    curve = np.asarray(profile, float)
-    tips: list[Array | None] = [None, None]
-    for end, index in ((0, 0), (1, -1)):
-        if curve[index, 0] <= 1e-9:
-            tips[end] = np.array([0.0, 0.0, curve[index, 1]])
-            curve = curve[1:] if end == 0 else curve[:-1]
-    circle = superellipse(1.0, 1.0, count=segments)
-    rings = np.empty((len(curve), segments, 3))
-    rings[:, :, :2] = curve[:, None, :1] * circle
-    rings[:, :, 2] = curve[:, 1:]
-    return loft(rings, (tips[0], tips[1]))
-
-
 def transport_axes(centre_line: ArrayLike, side: ArrayLike) -> tuple[Array, Array]:
     """Transport the section axes (k, 3), (k, 3) along a polyline (k, 3) in parallel.
 
@@ -145,3 +91,28 @@ def sweep(
     first, second = transport_axes(line, side)
     rings = line[:, None] + shape[..., :1] * first[:, None] + shape[..., 1:] * second[:, None]
     return loft(rings)
+
+
+def make_stack(rows: ArrayLike, count: int = 40) -> trimesh.Trimesh:
+    """Make a loft along z of centred sections given as rows (k, 4): z, half x, half y in m, exponent."""
+    rings = []
+    for z, a, b, exponent in np.asarray(rows, float):
+        rings.append(np.column_stack([superellipse(a, b, exponent, count), np.full(count, z)]))
+    return loft(rings)
+
+
+def write_solids(parts: dict[str, trimesh.Trimesh], folder: Path, prefix: str = "") -> int:
+    """Write each part, a closed solid, as <prefix><name>.stl; returns the bytes written.
+
+    Raises ValueError for a part that is not closed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    total = 0
+    for name, mesh in parts.items():
+        if not (mesh.is_watertight and mesh.volume > 0.0):
+            raise ValueError(f"{name} is not a closed solid")
+        data = mesh.export(file_type="stl")
+        assert isinstance(data, bytes)
+        (folder / f"{prefix}{name}.stl").write_bytes(data)
+        total += len(data)
+    return total
