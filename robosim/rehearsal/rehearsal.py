@@ -12,7 +12,7 @@ from robosim.episode.film import FilmStyle
 from robosim.planning.plan import Plan, plan_motion
 from robosim.recordings.scene_recorder import FRAME_RATE
 from robosim.rehearsal.result import Result
-from robosim.rehearsal.session import check_config, simulate
+from robosim.rehearsal.session import RunOptions, check_config, simulate
 
 
 class Rehearsal:
@@ -49,9 +49,9 @@ class Rehearsal:
         why.
         """
         folder = Path(tempfile.mkdtemp(prefix="rehearsal_") if out is None else out)
-        style = None if camera is None else FilmStyle(camera, **film)
-        result = simulate(self.config, folder, seed=seed, model_errors=model_errors, frame_rate=frame_rate,
-                          driver=driver, film=style)
+        result = simulate(self.config, folder, RunOptions(
+            None if camera is None else FilmStyle(camera, **film), frame_rate, seed, model_errors=model_errors,
+            driver=driver))
         if out is None:
             weakref.finalize(result, shutil.rmtree, folder, ignore_errors=True)
         return result

@@ -4,7 +4,7 @@ import contextlib
 import sys
 import time as clock
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mpm
 from robosim.base.errors import ConfigError, DriverFault, RobotDiverged
@@ -57,20 +57,37 @@ REPLAYED = {
 """The same of a recording's."""
 
 
-def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
-             film: FilmStyle | None = None, frame_rate: float = FRAME_RATE, seed: int = 0,
-             trajectory: str | None = None, motions: Path | None = None, recorded: Path | None = None,
-             model_errors: int | None = None, force_export: bool = False) -> int:
+class RunOptions(NamedTuple):
+    """How a rehearsal is run, which its configuration does not say."""
+
+    film: FilmStyle | None = None
+    """How it is drawn, after the run; None: there is none."""
+    frame_rate: float = FRAME_RATE
+    """Of recording and film [1/s]."""
+    seed: int = 0
+    """Of the grains' initial positions."""
+    recorded: Path | None = None
+    """What the real arm recorded of the motion (see `robosim.conversion.joint_log`), which is played in the plan's
+    place and compared with it."""
+    model_errors: int | None = None
+    """Seed of errors by which the robot differs from its model; None: it does not."""
+    driver: Any = None
+    """A user's own, in the plan's place, see `robosim.cell.drivers.OwnDriver`."""
+
+
+AS_PLANNED = RunOptions()
+"""The plan, without a film."""
+
+
+def rehearse(name: str, out: Path, options: RunOptions = AS_PLANNED, *, force_export: bool = False,
+             **changes: Any) -> int:
     """Run a rehearsal, write its results into the folder `out`, and print the main figures.
 
-    Returns 0, or 1 where a figure missed its bound. trajectory: "script" or "learned", the latter from a folder of
-    motions, or with None the bundled ones. recorded: what the real arm recorded of that motion (see
-    `robosim.conversion.joint_log`), to be played in its place and compared with it. force_export: write the motion for
-    the real robot also where a bound was missed, under a name that says so. Others as of `simulate`.
+    Returns 0, or 1 where a figure missed its bound. force_export: write the motion for the real robot also where a
+    bound was missed, under a name that says so. changes: as of `check_rehearsal`.
     """
-    config = check_rehearsal(name, material=material, grasp=grasp, trajectory=trajectory, motions=motions)
-    log = None if recorded is None else read_log(recorded, config)
-    result = simulate(config, out, film=film, frame_rate=frame_rate, seed=seed, log=log, model_errors=model_errors)
+    config = check_rehearsal(name, **changes)
+    result = simulate(config, out, options)
     if result.is_repeatable and result.missed and force_export:
         result.export_ros2(out / MISSED_TRAJECTORY, force=True)
     _print(result.figures, result.missed, out)
@@ -83,20 +100,14 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     return int(bool(result.missed))
 
 
-def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = None, frame_rate: float = FRAME_RATE,
-             seed: int = 0, log: JointLog | None = None, model_errors: int | None = None,
-             driver: Any = None) -> Result:
+def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNED) -> Result:
     """Run a rehearsal and write its results into the folder `out`.
-
-    film: how it is drawn, after the run; None: there is none. frame_rate: of recording and film [1/s]. log: what the
-    real arm recorded, to be played in the planned motion's place. model_errors: seed of errors by which the robot
-    differs from its model; None: it does not. driver: a user's own, in the plan's place, see
-    `robosim.cell.drivers.OwnDriver`.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends. The motion for the
     real robot is written last, and only where every bound was held.
     """
-    material = load_material(config.material)
+    material, film = load_material(config.material), options.film
+    log = None if options.recorded is None else read_log(options.recorded, config)
     if film is not None:
         find_camera(compile_rehearsal(config).model, film.camera or CLOSE)
         check_colour(film.colour)
@@ -105,9 +116,9 @@ def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = Non
         folder.write_yaml("config.yaml", config.model_dump(mode="json"))
         folder.write_yaml("material.yaml", material.model_dump(mode="json"))
         with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
-            run = _prepare(config, seed, log, model_errors, driver)
+            run = _prepare(config, options, log)
             stack.callback(_write_trajectory, run, folder)
-            recorder = make_recorder(run, folder.path / RECORDING, frame_rate)
+            recorder = make_recorder(run, folder.path / RECORDING, options.frame_rate)
             stack.callback(finish_recording, run, recorder)
             try:
                 _simulate(run, recorder)
@@ -131,7 +142,10 @@ def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = Non
 
 def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None = None, trajectory: str | None = None,
                     motions: str | Path | None = None) -> RehearsalConfig:
-    """Return the configuration of a rehearsal, with what replaces parts of it; raises ConfigError."""
+    """Return the configuration of a rehearsal, with what replaces parts of it; raises ConfigError.
+
+    trajectory: "script" or "learned", the latter from a folder of motions, or with None the bundled ones.
+    """
     if motions is not None and trajectory == "script":
         raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
     chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
@@ -164,8 +178,7 @@ def check_dose(config: RehearsalConfig, density: float) -> None:
         check_target(config, density * filled_volume(config), "starts")
 
 
-def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_errors: int | None,
-             driver: Any) -> RehearsalRun:
+def _prepare(config: RehearsalConfig, options: RunOptions, log: JointLog | None) -> RehearsalRun:
     """Plan the motion, and make robot and grains."""
     print("planning the motion ...", file=sys.stderr)
     began = clock.perf_counter()
@@ -175,8 +188,9 @@ def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_err
         print(f"no motion from home to the start: {plan.no_approach}", file=sys.stderr)
     replay = None if log is None else make_replay(log, plan.motion, plan.arm, config)
     print("preparing grains and robot ...", file=sys.stderr)
-    errors = None if model_errors is None else draw_model_errors(model_errors, len(plan.arm.lower))
-    run = RehearsalRun(plan, seed=seed, replay=replay, errors=errors, driver=driver)
+    seed = options.model_errors
+    errors = None if seed is None else draw_model_errors(seed, len(plan.arm.lower))
+    run = RehearsalRun(plan, seed=options.seed, replay=replay, errors=errors, driver=options.driver)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run
 

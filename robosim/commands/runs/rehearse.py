@@ -73,14 +73,13 @@ def run(options: argparse.Namespace) -> int:
             return run_perturbed(options, rehearsal)
         refuse(options, {"launch": "local", "launch_file": None, "jobs": 1}, "without --perturb; accepted: with it")
         from robosim.episode.film import FilmStyle
-        from robosim.rehearsal.session import rehearse
+        from robosim.rehearsal.session import RunOptions, rehearse
 
         film = FilmStyle(options.camera, options.colour, options.height, options.poster)
-        return rehearse(rehearsal, options.out, material=options.material, grasp=options.grasp,
-                        film=None if options.no_video else film, frame_rate=options.frame_rate, seed=options.seed,
-                        trajectory=options.trajectory, motions=options.motions,
-                        recorded=options.recorded, model_errors=options.model_errors,
-                        force_export=options.force_export)
+        given = RunOptions(None if options.no_video else film, options.frame_rate, options.seed, options.recorded,
+                           options.model_errors)
+        return rehearse(rehearsal, options.out, given, force_export=options.force_export, material=options.material,
+                        grasp=options.grasp, trajectory=options.trajectory, motions=options.motions)
 
 
 def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:

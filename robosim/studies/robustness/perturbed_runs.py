@@ -14,7 +14,7 @@ from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.metrics import Bound, get_bounds
 from robosim.rehearsal.page import split_unit
-from robosim.rehearsal.session import check_rehearsal, rehearse
+from robosim.rehearsal.session import RunOptions, check_rehearsal, rehearse
 from robosim.reports.page import Page
 
 Rows = dict[int, dict[str, Any]]
@@ -52,7 +52,7 @@ def perturb(name: str, out: Path, count: int, *, jobs: int = 1, launcher: Launch
 def run_with_errors(name: str, seed: int, options: dict[str, Any], out: str) -> dict[str, Any]:
     """Run a rehearsal with errors of the model, none for seed 0; return its report."""
     chosen: dict[str, Any] = options | ({"motions": Path(options["motions"])} if "motions" in options else {})
-    rehearse(name, Path(out), model_errors=seed or None, **chosen)
+    rehearse(name, Path(out), RunOptions(seed=chosen.pop("seed", 0), model_errors=seed or None), **chosen)
     return read_json(Path(out) / "report.json")
 
 

@@ -1,7 +1,5 @@
 """Drivers of one's own: what they command is followed as the plan is, or refused by name, time and limit."""
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ DT = 1e-3
 
 
 @pytest.fixture(scope="module")
-def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+def plan() -> Plan:
     return Rehearsal("shovel").plan()
 
 
@@ -85,22 +83,3 @@ def test_commands_that_cannot_be_followed_are_refused(plan: Plan, own: Any, mess
 def test_what_is_no_driver_is_refused(plan: Plan, own: Any, message: str) -> None:
     with pytest.raises(robosim.ConfigError, match=message):
         drive(plan, own)
-
-
-@pytest.mark.slow
-def test_a_run_with_a_driver_and_one_that_fails(short: Path, tmp_path: Path) -> None:
-    """The plan as a driver moves robot and grains as the plan does; after a fault the files say why."""
-    rehearsal = Rehearsal(short)
-    plain = rehearsal.run(out=tmp_path / "plan")
-    own = rehearsal.run(out=tmp_path / "own", driver=lambda state: state.planned)
-    np.testing.assert_array_equal(own.curves["q"], plain.curves["q"])
-    np.testing.assert_array_equal(own.positions, plain.positions)
-    assert own.figures["trajectory"] == "driver" and own.figures["driver"] == "<lambda>"
-    with pytest.raises(robosim.ConfigError, match="not written, for driver <lambda> moved the arm"):
-        own.export_ros2(tmp_path / "motion.yaml", force=True)
-    with pytest.raises(robosim.DriverFault):
-        rehearsal.run(out=tmp_path / "failed", driver=nan)
-    status = json.loads((tmp_path / "failed" / "status.json").read_text())
-    assert status["state"] == "failed" and "DriverFault: driver nan at t = 0.0020 s" in status["reason"]
-    assert not (tmp_path / "failed" / "report.json").exists()
-    assert len(np.loadtxt(tmp_path / "failed" / "trajectory.csv", delimiter=",", skiprows=1)) == 202

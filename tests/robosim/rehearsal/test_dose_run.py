@@ -13,7 +13,7 @@ from robosim.planning.plan import plan_motion
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.metrics import BOUNDS, find_missed, get_bounds
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rehearsal.session import check_config, simulate
+from robosim.rehearsal.session import RunOptions, check_config, simulate
 
 STEPS = 40
 
@@ -66,7 +66,7 @@ def test_bounds_ask_for_the_dose_in_place_of_the_delivery(short: RehearsalConfig
 
 def test_a_dose_from_file_to_report(short: RehearsalConfig, tmp_path: Path) -> None:
     """The motion goes on where it rested; figures, page and recording have the dose; no motion is exported."""
-    result = simulate(short, tmp_path / "out", driver=ThereAndBack())
+    result = simulate(short, tmp_path / "out", RunOptions(driver=ThereAndBack()))
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["dose_kg"] > 1e-3 and report["dose_error_kg"] == pytest.approx(report["dose_kg"] - 0.02)
     assert report["dosing_time_s"] == pytest.approx(2.0 * 75.0 / 60.0, abs=0.1)

@@ -87,3 +87,23 @@ def test_a_film_is_seen_from_a_camera_that_the_scene_has(short: Path, tmp_path: 
     assert find_camera(model, "close") == "close" and find_camera(model, "wrist") == "hand_wrist"
     with pytest.raises(robosim.UnknownName, match="unknown camera 'wrist'; valid: close, follow, overview"):
         Rehearsal(short, gripper="none").run(out=tmp_path, camera="wrist")
+
+
+@pytest.mark.slow
+def test_a_run_with_a_driver_and_one_that_fails(short: Path, tmp_path: Path) -> None:
+    """The plan as a driver moves robot and grains as the plan does; after a fault the files say why."""
+    rehearsal = Rehearsal(short)
+    plain = rehearsal.run(out=tmp_path / "plan")
+    own = rehearsal.run(out=tmp_path / "own", driver=lambda state: state.planned)
+    np.testing.assert_array_equal(own.curves["q"], plain.curves["q"])
+    np.testing.assert_array_equal(own.positions, plain.positions)
+    assert own.figures["trajectory"] == "driver" and own.figures["driver"] == "<lambda>"
+    with pytest.raises(robosim.ConfigError, match="not written, for driver <lambda> moved the arm"):
+        own.export_ros2(tmp_path / "motion.yaml", force=True)
+    with pytest.raises(robosim.DriverFault):
+        rehearsal.run(out=tmp_path / "failed", driver=lambda state: np.nan * state.q if state.time > 1.5e-3
+                      else state.planned)
+    status = json.loads((tmp_path / "failed" / "status.json").read_text())
+    assert status["state"] == "failed" and "DriverFault: driver <lambda> at t = 0.0020 s" in status["reason"]
+    assert not (tmp_path / "failed" / "report.json").exists()
+    assert len(np.loadtxt(tmp_path / "failed" / "trajectory.csv", delimiter=",", skiprows=1)) == 202

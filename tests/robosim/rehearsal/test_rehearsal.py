@@ -19,7 +19,7 @@ from robosim.recordings.scene_recorder import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rehearsal.session import MISSED_TRAJECTORY, TRAJECTORY, rehearse
+from robosim.rehearsal.session import MISSED_TRAJECTORY, TRAJECTORY, RunOptions, rehearse
 from robosim.robot.model import Arm
 from robosim.scene.models import assemble
 
@@ -50,7 +50,7 @@ def check_the_trajectories(out: Path, rows: np.ndarray, arm: Arm) -> None:
 def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     drawable = os.environ["MUJOCO_GL"] != "disable"
-    assert rehearse(str(short), out, film=FilmStyle() if drawable else None,
+    assert rehearse(str(short), out, RunOptions(FilmStyle() if drawable else None),
                     force_export=True) == 1  # too short to deliver anything
     assert not (out / TRAJECTORY).exists()
     report = json.loads((out / "report.json").read_text())

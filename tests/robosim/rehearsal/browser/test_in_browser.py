@@ -10,7 +10,7 @@ from browser_window import BrowserWindow, serve, wait_until
 
 from robosim.config.rehearsal import load_rehearsal
 from robosim.episode.film import FilmStyle
-from robosim.rehearsal.session import rehearse
+from robosim.rehearsal.session import RunOptions, rehearse
 from robosim.scene.frames import waypoint_pose
 
 pytestmark = pytest.mark.slow
@@ -54,7 +54,7 @@ def test_a_waypoint_is_dragged_and_saved(browser: BrowserWindow, short: Path) ->
 
 def test_the_page_of_a_run_needs_no_network(browser: BrowserWindow, short: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    rehearse(str(short), out, film=FilmStyle(), frame_rate=5)
+    rehearse(str(short), out, RunOptions(FilmStyle(), 5))
     browser.open(out / "index.html")
     wait_until(lambda: browser.has("//div[contains(@class, 'plotly-graph-div')]//*[name()='svg']"), 60.0)
     assert browser.has("//p[contains(@class, 'verdict')]") and browser.has("//video")
