@@ -58,14 +58,14 @@ class CriticEnsemble(BaseModel):
     """n critics of an observation and an action.
 
     layer_norm: whether hidden layers are normalised (Ball et al. 2023). embed_actions: whether each critic embeds the
-    action before it joins it to the observation: 3 numbers among 1000 leave little trace.
+    action before it joins it to the observation: 3 numbers among 1000 leave little trace. images: options of
+    Stable-Baselines3's base class for observations that are images.
     """
 
     def __init__(self, observation_space: Any, action_space: Any, net_arch: list[int], features_extractor: Any,
                  features_dim: int, n_critics: int = 2, layer_norm: bool = False, embed_actions: bool = False,
-                 normalize_images: bool = True) -> None:
-        super().__init__(observation_space, action_space, features_extractor=features_extractor,
-                         normalize_images=normalize_images)
+                 **images: Any) -> None:
+        super().__init__(observation_space, action_space, features_extractor=features_extractor, **images)
         self.count, actions = n_critics, action_space.shape[0]
         width = EMBEDDING if embed_actions else actions
         self.embed = EnsembleLayer(self.count, actions, width) if embed_actions else None

@@ -11,7 +11,7 @@ import mpm
 from robosim.base.errors import ConfigError
 from robosim.recordings.appearance import body_name, pack_appearance, viewed_bodies
 from robosim.recordings.frames import GrainState, SceneState
-from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, CurveEntry, RecordingHeader, four, three
+from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, RecordingHeader, four, three
 from robosim.recordings.writer import RecordingWriter
 from robosim.rendering.body_shapes import body_shapes
 from robosim.rendering.grain_skin import GRAIN_RADIUS
@@ -28,15 +28,15 @@ NO_GRAINS = GrainState(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, b
 class SceneRecorder:
     """Records poses, grains and readings of a scene into a file.
 
-    solver: None for a scene without grains. tool: body whose path is drawn and at which grains act. curves: what `add`
-    is given values of. more: further entries of `RecordingHeader`. paths: name -> positions (n, 3) [m].
+    solver: None for a scene without grains. paths: name -> positions (n, 3) [m]. more: further entries of
+    `RecordingHeader`: kind, title, curves that `add` is given values of, tool at which grains act, ...
     Raises OSError where the file cannot be written.
     """
 
     def __init__(self, path: Path, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver | None, *,
-                 kind: str, title: str, curves: Sequence[CurveEntry] = (), frame_rate: float = FRAME_RATE,
-                 grain_volume: float | None = None, colour: Sequence[float] = (0.85, 0.82, 0.75), tool: str = "",
-                 paths: dict[str, np.ndarray] | None = None, **more: Any) -> None:
+                 frame_rate: float = FRAME_RATE, grain_volume: float | None = None,
+                 colour: Sequence[float] = (0.85, 0.82, 0.75), paths: dict[str, np.ndarray] | None = None,
+                 **more: Any) -> None:
         if not 0.0 < frame_rate <= 1000.0:
             raise ConfigError(f"frame rate of a recording: {frame_rate} 1/s; accepted: above 0, up to 1000")
         self._solver, self._interval, self._next = solver, 1.0 / frame_rate, float(data.time)
@@ -47,13 +47,13 @@ class SceneRecorder:
         self._pressures = read_grains(solver).pressures  # compiles what reads stresses
         volume = 1e-9 if solver is None else grain_volume or _mean_volume(solver)
         header = RecordingHeader(
-            version=VERSION, kind=kind, title=title, frame_rate=frame_rate, tool=tool,
+            version=VERSION, frame_rate=frame_rate,
             grains=0 if solver is None else int(sum(solver.particles.counts)),
             grain_radius=GRAIN_RADIUS * volume ** (1 / 3), colour=three(np.asarray(colour[:3])),
             lower=three(np.zeros(3) if grid is None else grid.lower),
             upper=three(np.ones(3) if grid is None else np.asarray(grid.lower) + grid.cells * grid.cell),
             bodies=[_body_entry(model, data, body, body in self._moving) for body in drawn],
-            cameras=list(_cameras(model, data)), curves=list(curves), **more)
+            cameras=list(_cameras(model, data)), **more)
         self.writer = RecordingWriter(path, header, {body_name(model, body): shape for body, shape in shapes.items()},
                                       paths, pack_appearance(model))
 

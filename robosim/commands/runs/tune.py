@@ -58,8 +58,8 @@ def run(options: argparse.Namespace) -> int:
 
             return measure_curve(task, options.out, episodes=options.episodes or 3, rate_deg=options.rate_deg or 4.0,
                                  most_deg=options.most_deg or 120.0, seed=options.seed, material=options.material)
-        from robosim.studies.tuning.search import tune
+        from robosim.studies.tuning.search import SearchOptions, tune
 
-        return tune(task, options.controller, options.out, choices=options.choices or 30,
-                    episodes=options.episodes or 12, seed=options.seed, jobs=options.jobs, material=options.material,
-                    randomize=options.randomize or "nominal")
+        return tune(task, options.controller, options.out, SearchOptions(
+            options.choices or 30, options.episodes or 12, options.seed, options.material,
+            options.randomize or "nominal"), jobs=options.jobs)

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from robosim.base.jobs import Launcher
 from robosim.base.output_folder import OutputFolder, aligned
@@ -22,16 +22,30 @@ SHOWN = ("cost", "success_rate", "error_g", "error_g_std", "seconds", "spilled_g
 """Figures that are printed."""
 
 
-def tune(task: str, controller: str, out: Path, *, choices: int, episodes: int, seed: int = 0, jobs: int = 1,
-         material: str | None = None, randomize: str = "nominal", launcher: Launcher | None = None) -> int:
+class SearchOptions(NamedTuple):
+    """How numbers are searched for."""
+
+    choices: int
+    """Choices of numbers, the task's own among them."""
+    episodes: int
+    """Episodes of each choice, with the seeds from `seed` on."""
+    seed: int = 0
+    material: str | None = None
+    """None: the task's."""
+    randomize: str = "nominal"
+    """Suite that the episodes' starts and materials are drawn from."""
+
+
+def tune(task: str, controller: str, out: Path, options: SearchOptions, *, jobs: int = 1,
+         launcher: Launcher | None = None) -> int:
     """Search a controller's numbers; write tune.json and the best numbers as numbers.yaml into a folder.
 
-    The first choice are the task's own numbers. choices: in all. episodes: of each, with the seeds from `seed` on.
-    jobs: choices at a time, here; launcher: runs them elsewhere. Choices and episodes that the folder has of the same
-    arguments and code are not run again; as choices are drawn from costs, a search that goes on is the same one.
-    Returns 0, or 1 where a process failed; the same command then continues. Raises ConfigError for a task without a
-    dose.
+    The first choice are the task's own numbers. jobs: choices at a time, here; launcher: runs them elsewhere. Choices
+    and episodes that the folder has of the same arguments and code are not run again; as choices are drawn from costs,
+    a search that goes on is the same one. Returns 0, or 1 where a process failed; the same command then continues.
+    Raises ConfigError for a task without a dose.
     """
+    choices, episodes, seed, material, randomize = options
     config = load_task(task)
     numbers = numbers_of(config, controller)
     given = {"task": task, "controller": controller, "material": material or config.material, "randomize": randomize,

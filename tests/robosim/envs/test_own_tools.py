@@ -78,7 +78,7 @@ def test_another_tool_in_a_sub_task(folder: Path) -> None:
 def test_what_does_not_fit_is_refused_by_name(folder: Path) -> None:
     path = folder / "tasks" / "LadleScoop.yaml"
     text = path.read_text()
-    for old, new, message in (("container: bowl", "container: ladle", "container: 'ladle' is the tool's name"),
+    for old, new, message in (("  bowl:", "  ladle:", "'ladle' is the tool's name"),
                               ("../ladle.yaml", "ladle.yaml", "tasks/ladle.yaml: no such file"),
                               ("../bowl.stl", "../bowl.step", "bowl.step")):
         path.write_text(text.replace(old, new))

@@ -138,9 +138,9 @@ def test_a_task_without_a_receiver_is_refused_with_what_is_accepted() -> None:
     assert task.dose is not None
     named = task.model_copy(update={"dose": task.dose.model_copy(update={"controllers": "DoseSpoon"})})
     for one in (task, named):
-        with pytest.raises(ConfigError, match="no section receiver, .*; accepted: dosing tasks that pour into a rec"):
+        with pytest.raises(ConfigError, match="no empty container, .*; accepted: dosing tasks that pour into a rec"):
             DosingPolicy("pi", stub(one))
-        with pytest.raises(ConfigError, match="ScoopTo: no section receiver, .*; accepted: dosing tasks that pour"):
+        with pytest.raises(ConfigError, match="ScoopTo: no empty container, .*; accepted: dosing tasks that pour"):
             given_numbers(one, "ScoopTo")
     assert given_numbers(SPOON, "DoseSpoon") == NUMBERS
 

@@ -53,8 +53,8 @@ def tune(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     def run(processes: Processes, numbers: DosingNumbers = CLUMSY, **more: Any) -> tuple[int, dict[str, Any]]:
         monkeypatch.setattr(search, "load_task", lambda name: TASK)
         monkeypatch.setattr(search, "numbers_of", lambda task, name: numbers)
-        arguments: dict[str, Any] = {"choices": 20, "episodes": 3} | more
-        status = search.tune("Mine", "open_loop", tmp_path / "out", launcher=processes, **arguments)
+        options = search.SearchOptions(**{"choices": 20, "episodes": 3} | more)
+        status = search.tune("Mine", "open_loop", tmp_path / "out", options, launcher=processes)
         return status, json.loads((tmp_path / "out" / "tune.json").read_text())
 
     return run
