@@ -59,7 +59,7 @@ NETWORK = {"weight_0": np.zeros((8, 5)), "bias_0": np.zeros(8), "weight_1": np.z
 def follow(path: Path) -> None:
     """Read a policy, and take an action."""
     training_options(str(path))
-    assert make_policy(str(path), ENV, 0)().shape == (3,)
+    assert make_policy(str(path), ENV, 0)(ENV.observation).shape == (3,)
 
 
 def read_demonstration(path: Path) -> None:

@@ -14,10 +14,11 @@ from gymnasium.envs.registration import EnvSpec
 import mpm
 from mpm.files import write
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
-from policies.learning.environments import Transition, make_environment, run_episode
+from policies.learning.environments import make_environment
 from policies.learning.names import is_task_file
 from robosim.base.files import write_json
 from robosim.base.progress import Progress
+from robosim.episode.play import Transition, run_episode
 
 MINARI_VERSION = "0.5.3"
 """Of the format: Minari opens the datasets of the versions that it knows."""

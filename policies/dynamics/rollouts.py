@@ -11,10 +11,11 @@ from mpm.files import write
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import sample_spline
 from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
-from policies.learning.environments import continue_episode, make_environment
+from policies.learning.environments import make_environment
 from robosim.base.jobs import worker_pool
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
+from robosim.episode.play import continue_episode
 
 KNOTS, SPREAD = 8, 0.4
 """Of the random smooth motion that is added to the script: knots, and standard deviation of its actions."""

@@ -13,7 +13,7 @@ from gymnasium import spaces
 from stable_baselines3.common.buffers import DictReplayBuffer, ReplayBuffer
 
 import mpm
-from policies.learning.environments import Transition
+from robosim.episode.play import Transition
 
 ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 """Attributes of a buffer of Stable-Baselines3 with one row a transition."""

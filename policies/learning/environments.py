@@ -1,10 +1,6 @@
-"""Environments by task name, and episodes in them as sequences of transitions.
+"""Environments by task name, their digests, and the score of a motion in one."""
 
-Policies use robosim through Gymnasium's registry alone.
-"""
-
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,6 +8,7 @@ import numpy as np
 import mpm
 from policies.learning.names import check_task, is_foreign, is_task_file, task_name
 from robosim.base.digests import digest
+from robosim.episode.play import play, read_scores
 
 
 def make_environment(task: str, **options: Any) -> gymnasium.Env:
@@ -75,65 +72,7 @@ def field_digest(env: Any) -> str:
                    solver.precision, solver.numerics.integrator, solver.transfer_interval, solver.sleep])
 
 
-class Transition(NamedTuple):
-    """One decision and its outcome."""
-
-    observation: Any
-    next_observation: Any
-    action: np.ndarray
-    """(dimensions,)"""
-    reward: float
-    done: bool
-    """terminated or truncated"""
-    info: dict[str, Any]
-    """With "TimeLimit.truncated", whether the episode was truncated and not terminated."""
-
-
-Actions = np.ndarray | Callable[[Any], np.ndarray]
-"""A motion (decisions, dimensions), or a policy that is called with each observation."""
-
-
-def run_episode(env: gymnasium.Env, actions: Actions, *, seed: int | None = None,
-                options: dict[str, Any] | None = None) -> Iterator[Transition]:
-    """Reset an environment and yield the transitions of one episode, each as it is made.
-
-    The episode ends where the environment ends it, or after a motion's last action. seed, options: of the reset.
-    """
-    observation, _ = env.reset(seed=seed, options=options)
-    yield from continue_episode(env, actions, observation)
-
-
-def continue_episode(env: gymnasium.Env, actions: Actions, observation: Any) -> Iterator[Transition]:
-    """Yield the transitions of an episode from its present observation on."""
-    motion = iter(()) if callable(actions) else iter(actions)
-    while True:
-        action = actions(observation) if callable(actions) else next(motion, None)
-        if action is None:
-            return
-        next_observation, reward, terminated, truncated, info = env.step(action)
-        info["TimeLimit.truncated"] = truncated and not terminated
-        done = terminated or truncated
-        yield Transition(observation, next_observation, action, float(reward), done, info)
-        if done:
-            return
-        observation = next_observation
-
-
-def play(env: gymnasium.Env, actions: Actions, *, seed: int | None = None,
-         options: dict[str, Any] | None = None) -> tuple[float, dict[str, Any]]:
-    """Run an episode to its end and return the sum of its rewards and its last info; arguments of `run_episode`."""
-    total, info = 0.0, {}
-    for step in run_episode(env, actions, seed=seed, options=options):
-        total, info = total + step.reward, step.info
-    return total, info
-
-
 def score_motion(env: gymnasium.Env, actions: np.ndarray, *, seed: int | None = None,
                  options: dict[str, Any] | None = None) -> dict[str, float]:
     """Return score, success and readings of a sub-task's episode with actions (decisions, dimensions)."""
     return read_scores(play(env, np.asarray(actions, np.float32), seed=seed, options=options)[1])
-
-
-def read_scores(info: dict[str, Any]) -> dict[str, float]:
-    """Return score, success and readings of a sub-task's info; nothing of another environment's."""
-    return {"tcs": info["tcs"], "is_success": bool(info["is_success"]), **info["readings"]} if "tcs" in info else {}

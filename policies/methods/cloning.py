@@ -7,9 +7,9 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
-from policies.learning.environments import play
 from policies.runs import checkpoint
 from policies.runs.training import Training
+from robosim.episode.play import play
 
 
 def clone(training: Training) -> None:

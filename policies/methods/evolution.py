@@ -8,9 +8,9 @@ import numpy as np
 
 import mpm
 from policies.demonstrations.spline_search import fit_knots, sample_spline
-from policies.learning.environments import play
 from policies.runs import checkpoint
 from policies.runs.training import Training
+from robosim.episode.play import play
 
 
 def evolve(training: Training) -> None:

@@ -17,11 +17,11 @@ from policies.demonstrations.spline_search import FAILED
 from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import get_weights, sample_solids
 from policies.dynamics.rollout_files import grain_positions
-from policies.learning.environments import play
 from policies.methods.evolution import make_search, to_motion
 from policies.runs import checkpoint
 from policies.runs.training import Training
 from robosim.base.files import write_json
+from robosim.episode.play import play
 
 
 def plan(training: Training) -> None:

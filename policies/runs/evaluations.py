@@ -10,7 +10,7 @@ import numpy as np
 
 import mpm
 from mpm.files import write
-from policies.learning.environments import read_scores, run_episode
+from robosim.episode.play import read_scores, run_episode
 
 EVALUATE_EVERY = 10
 """Episodes between evaluations, if no other number is given."""

@@ -19,16 +19,7 @@ from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
 from policies.learners.policy_file import export_policy
 from policies.learners.wrappers import ResidualActionWrapper, ScaledObservation
-from policies.learning.environments import (
-    Transition,
-    field_digest,
-    fingerprint,
-    make_training_environment,
-    play,
-    read_scores,
-    run_episode,
-    task_digest,
-)
+from policies.learning.environments import field_digest, fingerprint, make_training_environment, task_digest
 from policies.learning.options import TrainingOptions
 from policies.learning.presets import OFF_POLICY, Preset
 from policies.runs import checkpoint
@@ -43,6 +34,7 @@ from robosim.base.digests import digest, exercised_code
 from robosim.base.files import describe_end, end_state
 from robosim.base.progress import Progress
 from robosim.base.provenance import commit
+from robosim.episode.play import Transition, play, read_scores, run_episode
 
 CHECKPOINT_LATEST = 30
 """Episodes after which a checkpoint is made within an episode."""

@@ -57,16 +57,14 @@ def measure_kinematics() -> dict[str, float]:
 def measure_environment(name: str, arm: bool = False) -> dict[str, float]:
     """Time an episode of the scripted policy; arm: with the whole arm."""
     from robosim.envs.grain_env import GrainEnv
+    from robosim.episode.play import play
     from robosim.studies.evaluation.policies import ScriptedPolicy
 
     env = GrainEnv(task=name, arm=arm)
 
     def episode() -> None:
-        env.reset(options={"nominal": True})
-        policy, over = ScriptedPolicy(env), False
-        while not over:
-            _, _, terminated, truncated, _ = env.step(policy())
-            over = terminated or truncated
+        observation, _ = env.reset(options={"nominal": True})
+        play(env, ScriptedPolicy(env), observation=observation)
 
     seconds = median_seconds(episode, 1 if arm else 3)
     return {f"{name}{', whole arm' if arm else ''}: steps of 2 ms per second": env.task.steps / seconds}

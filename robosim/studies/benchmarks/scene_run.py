@@ -45,6 +45,7 @@ def scaled_stiffness(material: MaterialConfig, setting: dict[str, float]) -> dic
 def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """Run an episode of the scripted policy, without the arm."""
     from robosim.envs.grain_env import GrainEnv
+    from robosim.episode.play import play
     from robosim.studies.evaluation.policies import ScriptedPolicy
 
     task = load_task(name)
@@ -53,17 +54,15 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     material = load_material(task.material)
     numbers: dict[str, Any] = dict(scaled_stiffness(material, setting))
     env = GrainEnv(task=task.model_copy(update={"field": field}), **numbers)
-    env.reset(options={"nominal": True})
+    observation, _ = env.reset(options={"nominal": True})
     env.solver.compile()
     stopwatch = Stopwatch()
     stopwatch.wrap(env.solver, "advance", "field")
     stopwatch.wrap(env.reward, "step", "reward")
     stopwatch.wrap(env.world.observer, "read", "observation")
-    policy, over, impulses, begin, info = ScriptedPolicy(env), False, [], time.perf_counter(), {}
-    while not over:
-        _, _, terminated, truncated, info = env.step(policy())
-        impulses.append(np.linalg.norm(env.solver.ledger[2, :3]))
-        over = terminated or truncated
+    policy, impulses, begin = ScriptedPolicy(env), [], time.perf_counter()
+    _, info = play(env, policy, observation=observation,
+                   hooks=[lambda step: impulses.append(np.linalg.norm(env.solver.ledger[2, :3]))])
     seconds = time.perf_counter() - begin
     force = float(np.mean(impulses)) / (env.action_repeat * task.step_dt)
     load = float(env.solver.masses().sum())  # the same number of grains weighs more on coarser cells

@@ -123,9 +123,9 @@ class DosingPolicy:
         self.command: DoseCommand | None = None
         """The last command; None before the first."""
 
-    def __call__(self) -> np.ndarray:
+    def __call__(self, observation: Any) -> np.ndarray:
         """Return the next action (8,)."""
-        sight = self._view.look(self._env.observation)
+        sight = self._view.look(observation)
         if self.command is None:
             dose = self._env.task.dose
             assert dose is not None

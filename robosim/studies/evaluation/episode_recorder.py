@@ -7,6 +7,7 @@ import mujoco
 
 from robosim.base.provenance import commit
 from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import Transition
 from robosim.randomization.variants import placed
 from robosim.recordings.header import CurveEntry, RegionEntry, region_entry
 from robosim.recordings.scene_recorder import SceneRecorder
@@ -46,9 +47,9 @@ class EpisodeRecorder:
             commit=commit())
         self._record()
 
-    def add(self, reward: float, info: dict[str, Any]) -> None:
+    def add(self, step: Transition) -> None:
         """Record the state after an action."""
-        self._total, self._info = self._total + reward, info
+        self._total, self._info = self._total + step.reward, step.info
         self._place()
         self._record()
 

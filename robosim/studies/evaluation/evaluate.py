@@ -12,6 +12,7 @@ from robosim.base.progress import Progress
 from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.film import EPISODE, FilmFailed, try_film
+from robosim.episode.play import play
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
 from robosim.studies.evaluation.page import make_page
@@ -47,7 +48,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
         if folder:
             folder.clear(RESULTS)
         for k in Progress(range(episodes), desc=f"{task}, {name}", unit="episodes"):
-            rows.append(_run_episode(env, name, seed + k, nominal, folder if k == 0 else None))
+            rows.append(_score_episode(env, name, seed + k, nominal, folder if k == 0 else None))
             if folder:
                 folder.write_json("evaluation.json", summarize(task, name, rows, episodes))
         values = summarize(task, name, rows, episodes)
@@ -63,16 +64,12 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     return 0
 
 
-def _run_episode(env: GrainEnv, name: str, seed: int, nominal: bool, folder: OutputFolder | None) -> dict[str, Any]:
-    """Run one episode and return its figures; a recording in a folder takes a frame after each action."""
-    env.reset(seed=seed, options={"nominal": nominal})
-    policy, total, over, info = make_policy(name, env, seed), 0.0, False, {}
+def _score_episode(env: GrainEnv, name: str, seed: int, nominal: bool, folder: OutputFolder | None) -> dict[str, Any]:
+    """Play one episode and return its figures; a recording in a folder takes a frame after each action."""
+    observation, _ = env.reset(seed=seed, options={"nominal": nominal})
+    policy = make_policy(name, env, seed)
     with EpisodeRecorder(env, folder.path / RECORDING, name) if folder else contextlib.nullcontext() as recorder:
-        while not over:
-            _, reward, terminated, truncated, info = env.step(policy())
-            total, over = total + reward, terminated or truncated
-            if recorder is not None:
-                recorder.add(reward, info)
+        total, info = play(env, policy, observation=observation, hooks=[recorder.add] if recorder else [])
     return {"seed": seed, "return": total, "tcs": info["tcs"], "tcs_terms": info["tcs_terms"],
             "is_success": info["is_success"], "readings": info["readings"], "diverged": info.get("diverged"),
             **({"arm": info["arm"]} if "arm" in info else {})}

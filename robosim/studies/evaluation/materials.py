@@ -43,7 +43,7 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
         check_policy(task, name)
     if len({task_name(task) for task in tasks}) < len(tasks):
         raise ConfigError(f"tasks {', '.join(tasks)}: two have the same name; accepted: files of different names")
-    work = [Job(f"{EPISODE}:run_episode", {"task": task, "name": name, "label": label}, depends=inputs)
+    work = [Job(f"{EPISODE}:play_in_material", {"task": task, "name": name, "label": label}, depends=inputs)
             for task in tasks for inputs in [list_inputs(task, name)] for label in [OWN, *MATERIALS]]
     with OutputFolder(out) as folder:
         episodes: dict[str, Rows] = {}

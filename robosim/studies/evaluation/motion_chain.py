@@ -20,6 +20,7 @@ from robosim.base.progress import Progress
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.film import CHAIN, EPISODE, try_film
+from robosim.episode.play import play
 from robosim.planning.learned_motions import find_motion
 from robosim.recordings.reader import Recording
 from robosim.reports.page import Page
@@ -105,14 +106,10 @@ def replay_motion(task: str, path: Path, *, material: str | None = None, load: L
                              **training_options(str(path)))
     env = wrapped.unwrapped
     assert isinstance(env, GrainEnv)
-    env.reset(seed=0, options={"nominal": True})
-    policy, is_over, info = make_policy(str(path), env, 0), False, {}
+    observation, _ = env.reset(seed=0, options={"nominal": True})
+    policy = make_policy(str(path), env, 0)
     with EpisodeRecorder(env, recording, "bundled motion") if recording else contextlib.nullcontext() as recorder:
-        while not is_over:
-            _, reward, terminated, truncated, info = env.step(policy())
-            is_over = terminated or truncated
-            if recorder is not None:
-                recorder.add(reward, info)
+        _, info = play(env, policy, observation=observation, hooks=[recorder.add] if recorder else [])
     lowest, highest = env.reward.extremes()
     figures = {"grains": env.task.grains.count, "score": info["tcs"], "score_min": lowest, "score_max": highest,
                **info["readings"], "diverged": info.get("diverged"), **_rotation_figures(env)}

@@ -20,8 +20,8 @@ from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
 from robosim.tasks.task import TaskConfig
 
-Policy = Callable[[], np.ndarray]
-"""Returns the next action (dimensions,) of the episode."""
+Policy = Callable[[Any], np.ndarray]
+"""Returns the next action (dimensions,) of the episode for an observation."""
 LARGEST = 1e30
 """Largest number of an action, which the environment clips; single precision has numbers of up to 3e38."""
 SHOWN = 3
@@ -39,10 +39,10 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
     n = env.task.action.size
     if name == "zero":
         still = rest_action(env.task)
-        return lambda: still.copy()
+        return lambda observation: still.copy()
     if name == "random":
         rng = np.random.default_rng(seed)
-        return lambda: rng.uniform(-1.0, 1.0, n).astype(np.float32)
+        return lambda observation: rng.uniform(-1.0, 1.0, n).astype(np.float32)
     if name == "scripted":
         return ScriptedPolicy(env)
     if name in CONTROLLERS:
@@ -128,7 +128,8 @@ class ScriptedPolicy:
     def __init__(self, env: GrainEnv) -> None:
         self._env, self._path = env, env.task.scripted_path(env.carrier.commanded.position)
 
-    def __call__(self) -> np.ndarray:
+    def __call__(self, observation: Any) -> np.ndarray:
+        """Return the next action; the observation is not needed."""
         env, task, action = self._env, self._env.task, self._env.task.action
         now = env.carrier.commanded
         duration = min(env.action_repeat, task.steps - env.step_count) * task.step_dt
@@ -167,7 +168,8 @@ class ReplayPolicy:
         self._actions = (action for action in np.asarray(actions, np.float32) for _ in range(repeat))
         self._zero = rest_action(env.task)
 
-    def __call__(self) -> np.ndarray:
+    def __call__(self, observation: Any) -> np.ndarray:
+        """Return the next action, whatever is observed."""
         return next(self._actions, self._zero)
 
 
@@ -197,10 +199,10 @@ class NetworkPolicy:
         if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")
-        self._env = env
 
-    def __call__(self) -> np.ndarray:
-        x = self._env.observation
+    def __call__(self, observation: Any) -> np.ndarray:
+        """Return the action for an observation (inputs,)."""
+        x = observation
         for W, b, function in self._layers:
             x = function(W @ x + b)
         return self._bound(x).astype(np.float32)

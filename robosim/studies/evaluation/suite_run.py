@@ -19,6 +19,7 @@ from robosim.base.resources import trained  # noqa: E402
 from robosim.dosing import CONTROLLERS  # noqa: E402
 from robosim.envs import is_task_file, task_name  # noqa: E402
 from robosim.envs.grain_env import GrainEnv  # noqa: E402
+from robosim.episode.play import play, read_scores  # noqa: E402
 from robosim.studies.evaluation import POLICIES  # noqa: E402
 from robosim.studies.evaluation.page import make_suite_page  # noqa: E402
 from robosim.studies.evaluation.policies import check_task, load_policy, make_policy, training_options  # noqa: E402
@@ -68,7 +69,7 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
             for label, policy in files.items():
                 env = make_environment(config, members[0][1], **training_options(policy))
                 for k, start in members:
-                    rows.append({"policy": label, "episode": k, **run_episode(env, policy, start)})
+                    rows.append({"policy": label, "episode": k, **score_start(env, policy, start)})
                     progress.update()
                     rows.sort(key=lambda row: (list(files).index(row["policy"]), row["episode"]))
                     folder.write("evaluation.csv", lambda path: write_rows(path, rows))
@@ -135,15 +136,11 @@ def policy_file(name: str, task: str) -> str:
     return name
 
 
-def run_episode(env: GrainEnv, policy: str, start: Start) -> Row:
-    """Run an episode from a start; return its figures."""
+def score_start(env: GrainEnv, policy: str, start: Start) -> Row:
+    """Play an episode from a start; return its figures."""
     drawn = begin_episode(env, start)
-    act, total, over, info = make_policy(policy, env, start.seed), 0.0, False, {}
-    while not over:
-        _, reward, terminated, truncated, info = env.step(act())
-        total, over = total + reward, terminated or truncated
-    return {**drawn, "return": total, "tcs": info["tcs"], "is_success": bool(info["is_success"]),
-            **info["readings"], "diverged": info.get("diverged") or ""}
+    total, info = play(env, make_policy(policy, env, start.seed), observation=env.observation)
+    return {**drawn, "return": total, **read_scores(info), "diverged": info.get("diverged") or ""}
 
 
 def bootstrap(values: Sequence[float]) -> tuple[float, float]:

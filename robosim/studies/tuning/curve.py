@@ -3,6 +3,7 @@
 import sys
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from robosim.dosing.numbers import DosingNumbers, MotionNumbers, VibrationNumber
 from robosim.dosing.pour_curve import FIRST_SHARE, PourCurve
 from robosim.envs import task_name
 from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import continue_episode
 from robosim.studies.evaluation.dosing_policy import TERMS, ToolView, check_receiver, numbers_of
 from robosim.studies.evaluation.suites import Start, make_environment
 from robosim.tasks.task import TaskConfig, load_task
@@ -95,22 +97,28 @@ def lengthened(config: TaskConfig, duration: float) -> TaskConfig:
 def pour_slowly(env: GrainEnv, seed: int, numbers: MotionNumbers, rate_deg: float,
                 most_deg: float) -> tuple[list[tuple[float, float]], float, str]:
     """Tilt the tool once; return tilts [deg] with the masses poured [kg], the load [kg], and why it diverged or ""."""
-    env.reset(seed=seed)
+    observation, _ = env.reset(seed=seed)
     load = env.carrier.setting.grain_mass * env.task.grains.count
     view = ToolView(env)
     motion = ToolMotion(numbers, env.action_repeat * env.task.step_dt)
     points: list[tuple[float, float]] = []
-    while True:
-        sight = view.look(env.observation)
-        rate = np.radians(rate_deg) if motion.is_near(sight) or points else 0.0
-        _, _, terminated, truncated, info = env.step(view.act(sight, motion.turn(sight, rate)))
-        if info.get("diverged"):
-            return points, load, str(info["diverged"])
-        tilt = float(np.degrees(view.look(env.observation).tilt))
-        if rate > 0.0:
-            points.append((round(tilt, 4), float(info["readings"]["poured"])))
-        if terminated or truncated or tilt >= most_deg:
-            return points, load, ""
+    is_tilting = False
+
+    def tilt_slowly(observation: Any) -> np.ndarray:
+        nonlocal is_tilting
+        sight = view.look(observation)
+        is_tilting = motion.is_near(sight) or bool(points)
+        return view.act(sight, motion.turn(sight, np.radians(rate_deg) if is_tilting else 0.0))
+
+    for step in continue_episode(env, tilt_slowly, observation):
+        if step.info.get("diverged"):
+            return points, load, str(step.info["diverged"])
+        tilt = float(np.degrees(view.look(step.next_observation).tilt))
+        if is_tilting and rate_deg > 0.0:
+            points.append((round(tilt, 4), float(step.info["readings"]["poured"])))
+        if tilt >= most_deg:
+            break
+    return points, load, ""
 
 
 def mean_curve(curves: list[list[tuple[float, float]]], most_deg: float) -> tuple[list[float], list[float]]:

@@ -8,18 +8,15 @@ from robosim.base.study import Store
 from robosim.dosing.command import accepted_error
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import play
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
 from robosim.studies.evaluation.suites import Start, make_environment
 from robosim.tasks.task import load_task
 
 
-def run_episode(env: GrainEnv, controller: str, numbers: DosingNumbers, seed: int) -> dict[str, Any]:
-    """Run one dose; return its figures."""
-    env.reset(seed=seed)
-    policy, over, info = DosingPolicy(controller, env, numbers), False, {}
-    while not over:
-        _, _, terminated, truncated, info = env.step(policy())
-        over = terminated or truncated
+def play_dose(env: GrainEnv, controller: str, numbers: DosingNumbers, seed: int) -> dict[str, Any]:
+    """Play one dose; return its figures."""
+    _, info = play(env, DosingPolicy(controller, env, numbers), seed=seed)
     readings, dose = info["readings"], env.task.dose
     assert dose is not None
     accepted = accepted_error(readings["target_mass"], dose.tolerance_percent, dose.tolerance_g)
@@ -43,7 +40,7 @@ def run_trial(search: dict[str, Any], numbers: dict[str, Any], seed: int, count:
         start = Start(missing[0], search["material"], randomize=search["randomize"])
         env = make_environment(load_task(search["task"]), start, obs=list(TERMS))
         for one in missing:
-            row = run_episode(env, search["controller"], DosingNumbers.model_validate(numbers), one)
+            row = play_dose(env, search["controller"], DosingNumbers.model_validate(numbers), one)
             store.keep(keys[one], row)
             rows[one] = (row,)
         env.close()

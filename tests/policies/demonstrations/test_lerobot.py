@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import mpm
-from policies.learning.environments import make_environment, run_episode
+from policies.learning.environments import make_environment
+from robosim.episode.play import run_episode
 
 TASK, REPEAT = "SpoonTranslate", 100
 READ = """

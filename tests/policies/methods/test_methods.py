@@ -14,7 +14,6 @@ from stable_baselines3.common.noise import NormalActionNoise  # noqa: E402
 
 from policies.demonstrations.spline_search import sample_spline  # noqa: E402
 from policies.learners.learner import NOISE  # noqa: E402
-from policies.learning.environments import play  # noqa: E402
 from policies.learning.options import TrainingOptions  # noqa: E402
 from policies.learning.presets import load_preset  # noqa: E402
 from policies.methods import method as registry  # noqa: E402
@@ -23,6 +22,7 @@ from policies.runs import checkpoint  # noqa: E402
 from policies.runs.episodes import Episodes  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
 from robosim.base.resources import config_names  # noqa: E402
+from robosim.episode.play import play  # noqa: E402
 
 torch.set_num_threads(1)
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
@@ -112,7 +112,7 @@ def check_policy_file(out: Path, best, is_deterministic: bool) -> None:
     assert np.load(out / "best_policy.npz")["weight_0"].shape[1] == len(observation)
     act = make_policy(str(out / "best_policy.npz"), env, 0)
     for action in best["actions"][:5]:
-        own = act()
+        own = act(env.observation)
         assert own.shape == (3,) and np.all(np.abs(own) <= 1.0) and own.any()
         if is_deterministic:
             assert own == pytest.approx(action, abs=1e-5)

@@ -9,13 +9,14 @@ import pytest
 import mpm
 
 torch = pytest.importorskip("torch")
-from policies.learning.environments import make_environment, play  # noqa: E402
+from policies.learning.environments import make_environment  # noqa: E402
 from policies.learning.options import TrainingOptions  # noqa: E402
 from policies.learning.presets import Actor, Preset, load_preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from policies.runs.episode_batch import EpisodeBatch  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
 from robosim.config.settings import Setting  # noqa: E402
+from robosim.episode.play import play  # noqa: E402
 
 torch.set_num_threads(1)
 TASK, REPEAT = "SpoonTranslate", 200

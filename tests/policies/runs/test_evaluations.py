@@ -8,11 +8,12 @@ import pytest
 import mpm
 
 torch = pytest.importorskip("torch")
-from policies.learning.environments import make_training_environment, run_episode  # noqa: E402
+from policies.learning.environments import make_training_environment  # noqa: E402
 from policies.learning.options import TrainingOptions  # noqa: E402
 from policies.learning.presets import load_preset  # noqa: E402
 from policies.runs.evaluations import PATIENCE, Evaluations, SaturatedActor  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
+from robosim.episode.play import run_episode  # noqa: E402
 
 torch.set_num_threads(1)
 pytestmark = pytest.mark.filterwarnings("ignore::mpm.GrainsLeaveGrid")  # of a policy that has learned nothing yet

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
-from policies.learning.environments import make_environment, play  # noqa: E402
+from policies.learning.environments import make_environment  # noqa: E402
 from policies.learning.options import TrainingOptions  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from robosim.config.settings import read_setting  # noqa: E402
+from robosim.episode.play import play  # noqa: E402
 
 torch.set_num_threads(1)
 TASK, REPEAT, EVERY, EPISODES = "SpoonTranslate", 10, 5, 20

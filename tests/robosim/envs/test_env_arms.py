@@ -13,7 +13,7 @@ def score(task: str, **options) -> tuple[float, dict[str, float]]:
     _, info = env.reset(seed=0, options={"nominal": True})
     policy, over = make_policy("scripted", env, 0), False
     while not over:
-        _, _, terminated, truncated, info = env.step(policy())
+        _, _, terminated, truncated, info = env.step(policy(env.observation))
         over = terminated or truncated
     env.close()
     return env.reward.tcs, info.get("arm", {})

@@ -139,7 +139,7 @@ def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: P
         env.reset(seed=2)
         act, total, over, actions = make_policy(name, env, 2), 0.0, False, []
         while not over:
-            actions.append(act())
+            actions.append(act(env.observation))
             _, reward, over, _, _ = env.step(actions[-1])
             total += float(reward)
         return total, actions

@@ -52,7 +52,7 @@ def episode(env: GrainEnv, name: str, seed: int = 0, **reset: Any) -> tuple[floa
     observation, _ = env.reset(seed=seed, **reset)
     act, total, over, info, seen = make_policy(name, env, seed), 0.0, False, {}, [observation]
     while not over:
-        observation, reward, terminated, truncated, info = env.step(act())
+        observation, reward, terminated, truncated, info = env.step(act(observation))
         total, over = total + reward, terminated or truncated
         seen.append(observation)
         assert env.observation_space.contains(observation)
@@ -152,7 +152,7 @@ def test_the_score_does_not_depend_on_the_action_repeat(pour: GrainEnv) -> None:
     pour.reset(seed=0)
     act, over, total = make_policy("scripted", pour, 0), False, 0.0
     while not over:
-        commands.append(act())
+        commands.append(act(pour.observation))
         _, reward, over, _, info = pour.step(commands[-1])
         total += reward
     places = pour.solver.positions()
@@ -300,7 +300,7 @@ def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: A
     pour.reset(seed=0)
     act = make_policy("random", pour, 0)
     for _ in range(20):
-        pour.step(act())
+        pour.step(act(pour.observation))
         seen = observer.read(grains.read() if grains else np.zeros((0, 6)), pour.episode.pose, pour.counter.read(), 0.2)
         assert seen.shape == (length,) and seen.dtype == np.float32 and observer.space.contains(seen)
     assert sum(part.stop - part.start for part in observer.slices.values()) == length

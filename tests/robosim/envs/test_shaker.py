@@ -30,7 +30,7 @@ def test_the_script_shakes_salt_into_the_cup() -> None:
     env.reset(seed=0)
     policy, over = make_policy("scripted", env, 0), False
     while not over:
-        _, _, terminated, truncated, info = env.step(policy())
+        _, _, terminated, truncated, info = env.step(policy(env.observation))
         over = terminated or truncated or env.episode.time > 4.0
     readings, passed = info["readings"], float(env.solver.passed_mass(TOOL).sum())
     grain = env.solver.masses()[0]

@@ -8,7 +8,7 @@ import yaml
 
 from robosim.base.resources import folder, trained
 from robosim.envs import TASKS
-from robosim.studies.evaluation.material_episode import OWN, run_episode
+from robosim.studies.evaluation.material_episode import OWN, play_in_material
 from robosim.tasks.task import TaskConfig, load_task
 
 BUNDLED = [name for name in TASKS if trained(name)]
@@ -47,7 +47,7 @@ def test_a_score_of_no_motion_is_far_outside_what_grains_may_change(name: str) -
 @pytest.mark.parametrize("name", BUNDLED)
 def test_a_motion_earns_its_recorded_score(name: str) -> None:
     """From the nominal start, up to the fate of a few grains; without a collision where it scoops."""
-    episode, row = run_episode(name, "learned", OWN), recorded(name)
+    episode, row = play_in_material(name, "learned", OWN), recorded(name)
     assert episode["score"] == pytest.approx(row["score"], abs=score_of_grains(load_task(name)))
     assert episode["delivered"] == pytest.approx(row["delivered"], abs=GRAINS + 1e-9)
     assert episode["collisions"] == row["collisions"] and episode["diverged"] is None

@@ -91,7 +91,7 @@ def test_the_tilt_goes_on_beyond_half_a_turn_and_back() -> None:
 def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
     env, carrier = stub(), Carrier(SPOON)
     env.observation = observe(carrier)
-    action = make_policy(name, env, 0)()
+    action = make_policy(name, env, 0)(env.observation)
     assert action.shape == (8,) and action.dtype == np.float32 and np.abs(action).max() <= 1.0
     lip = carrier.commanded.position + carrier.commanded.matrix @ [0.035, 0.0, 0.0]
     assert action[:3] @ (np.array(SPOON.goal) - lip) > 0.0 and action[6] == -1.0
@@ -107,7 +107,7 @@ def test_a_controller_is_given_the_tolerances_of_the_task(tolerances: dict[str, 
     policy, given = DosingPolicy("pi", env), []
     start = policy._controller.start
     monkeypatch.setattr(policy._controller, "start", lambda *mass: (given.append(mass), start(*mass)))
-    policy()
+    policy(env.observation)
     assert given == [pytest.approx((5e-3, accepted))]
 
 

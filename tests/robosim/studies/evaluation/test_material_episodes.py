@@ -10,7 +10,7 @@ from robosim.config.materials import load_material, overridden
 from robosim.envs import TASKS
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import materials as command
-from robosim.studies.evaluation.material_episode import OWN, run_episode
+from robosim.studies.evaluation.material_episode import OWN, play_in_material
 from robosim.studies.evaluation.material_tables import format_table, make_rows
 from robosim.tasks.task import load_task
 
@@ -28,7 +28,7 @@ def test_the_time_step_suits_all_thirteen_materials():
 def test_a_motion_deviates_in_another_material_only():
     """Not in its own one, and little in a smoother one; a carried load arrives in both."""
     assert load_task("SpoonTranslate").material == "salt"
-    episodes = {label: run_episode("SpoonTranslate", "learned", label)
+    episodes = {label: play_in_material("SpoonTranslate", "learned", label)
                 for label in (OWN, "salt", "salt, 10 deg smoother")}
     rows = make_rows({**dict.fromkeys(MATERIALS, episodes["salt"]), **episodes})
     assert rows["salt"]["td_mm"] == 0.0 and 0.0 < rows["salt, 10 deg smoother"]["td_mm"] < 10.0

@@ -36,7 +36,7 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
 
     def step() -> None:
         nonlocal over, info
-        _, _, ended, cut, info = env.step(script())
+        _, _, ended, cut, info = env.step(script(env.observation))
         over = ended or cut
 
     while not over:

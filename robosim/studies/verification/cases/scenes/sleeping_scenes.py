@@ -58,7 +58,7 @@ def play(task: str, sleep: float) -> Outcome:
     env.reset(seed=0, options={"nominal": True})
     policy = make_policy("scripted", env, 0)
     while not over:
-        action = policy()
+        action = policy(env.observation)
         began = time.perf_counter()
         _, _, terminated, truncated, info = env.step(action)
         outcome.seconds += time.perf_counter() - began

@@ -1,10 +1,10 @@
-"""Running one episode."""
+"""Playing one episode."""
 
 import gymnasium
 import numpy as np
 import pytest
 
-from policies.learning.environments import play, run_episode
+from robosim.episode.play import play, run_episode
 
 
 class Countdown(gymnasium.Env):
@@ -40,3 +40,11 @@ def test_an_episode_ends_where_the_environment_ends_it(length, limit, truncated)
 def test_a_motion_may_be_shorter_and_a_policy_sees_each_observation():
     assert play(Countdown(9, 9), np.ones((4, 1))) == (4.0, {"count": 4, "TimeLimit.truncated": False})
     assert play(Countdown(5, 9), lambda observation: 2.0 * observation)[0] == 2.0 * (0 + 1 + 2 + 3 + 4)
+
+
+def test_an_episode_goes_on_from_its_observation_and_hooks_see_each_step():
+    env, seen = Countdown(9, 9), []
+    observation, _ = env.reset(seed=0)
+    observation = env.step(np.ones(1))[0]
+    total, _ = play(env, lambda observation: observation, observation=observation, hooks=[seen.append])
+    assert total == 1 + 2 + 3 + 4 + 5 + 6 + 7 + 8 and [step.reward for step in seen] == list(range(1, 9))
