@@ -71,7 +71,7 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
         for k in (legs[e], 1):
             alone.set_collider_motion(0, *way(alone.collider_pose(0), e, k))
             read += alone.advance(k * STEP, readings=k)
-        expected.append((read, alone.state(), alone.sample.values.copy()))
+        expected.append((read, alone.state(), alone.core.sample.values.copy()))
 
     shared = batch.solver
     read = []
