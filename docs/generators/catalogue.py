@@ -40,7 +40,7 @@ def tasks() -> str:
     data = read("tasks")
     return table(["id", "tool", "particles", "terms of the reward", "goal"],
                  [[f"`robosim/{name}-v0`", data[name]["tool"], data[name]["grains"]["count"],
-                   ", ".join(load_task(name).terms), data[name]["description"]] for name in BUNDLED])
+                   ", ".join(load_task(name).reward), data[name]["description"]] for name in BUNDLED])
 
 
 def methods() -> str:

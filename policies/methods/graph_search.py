@@ -75,11 +75,11 @@ def search_with(training: Training, model: GraphModel, stored_search: bytes | No
 
 def cost(task: Any, grains: np.ndarray, angle: float) -> float:
     """Return what the reward subtracts for grains (n, 3) [m] away from the goal and a tool off its angle [rad]."""
-    distance = task.reward.distance
+    distance = task.reward["distance"]
     away = np.sort(np.abs(grains - np.array(task.goal)) @ np.array(distance.weights))
     counted = max(1, task.grains.counted // task.grains.observe_every) if task.grains.elites else len(away)
     total = distance.total / distance.reference * float(away[:counted].mean())
-    turn = task.reward.turn
+    turn = task.reward.get("turn")
     if turn is not None:
         total += turn.scale * abs(math.remainder(angle - math.radians(turn.angle_deg), 2.0 * math.pi))
     return total

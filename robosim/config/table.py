@@ -23,7 +23,7 @@ Kind = TypeVar("Kind", bound="Table")
 RENAMED = {
     "RehearsalConfig": {"collision_thickness": "tool_wall"},
     "TaskConfig": {"container": "containers", "container_place": "containers.NAME", "receiver": "containers.receiver"},
-    "StartConfig": {"pile": "pile"},
+    "StartConfig": {"pile": "pile"}, "DosingConfig": {"reward": "reward"},
 }
 """Class -> key of an earlier version -> the key that replaces it, from the file's top; errors name it."""
 SHOWN = 10

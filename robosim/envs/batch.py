@@ -101,7 +101,7 @@ class GrainBatch:
         reading = self.batch.load(e, world.start_state(settled, draw, setting, tool))
         assert reading is not None
         self._delays[e].restart()
-        info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), world.counter.translate(reading), setting)
+        info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), reading, setting)
         sight = self._look(e)
         self._senses[e] = world.observer.begin(sight, draw.sensors, world.randomization.sensors(draw))
         return info | self._observe(e, sight) | {"draw": draw._asdict()}
@@ -189,7 +189,7 @@ class GrainBatch:
                 episode.diverge(outcome)
             else:
                 for reading, pose in zip(outcome, path, strict=True):
-                    episode.add_step(self.world.counter.translate(reading), pose)
+                    episode.add_step(reading, pose)
         for e in np.flatnonzero(steps):
             impulse = np.concatenate(self.batch.collider_impulse(int(e), TOOL, ORIGIN))
             self._carriers[e].receive(impulse, steps[e] * self.world.task.step_dt)

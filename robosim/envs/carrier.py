@@ -10,12 +10,12 @@ from mpm.geometry.rigid_motion import rotate
 from mpm.observers.region_counter import MAX_READINGS
 from robosim.envs.episode import read_pose
 from robosim.randomization.draw import STANDARD, Setting, read_setting
-from robosim.tasks.counting import TOOL, Reading
+from robosim.tasks.counting import TOOL
 from robosim.tasks.dosing import Vibration
 from robosim.tasks.task import TaskConfig
 
 ORIGIN = np.zeros(3)
-Step = tuple[Reading, mpm.Pose]
+Step = tuple[mpm.Counts, mpm.Pose]
 """The field's reading after a step of `step_dt`, and the tool's pose then."""
 
 

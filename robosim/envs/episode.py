@@ -10,13 +10,11 @@ import numpy as np
 import mpm
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.randomization.draw import STANDARD, Setting
-from robosim.tasks.counting import TaskCounts
-from robosim.tasks.dosing import DoseReward
-from robosim.tasks.reward import Reward
+from robosim.tasks.outcome import build_outcome, build_reward
 from robosim.tasks.task import TaskConfig
 
 Horizon = Literal["terminate", "truncate"]
-NOTHING_COUNTED = TaskCounts(0.0, 0, 0, 0, 0, 0, 0, 0, 0.0)
+NOTHING_COUNTED = mpm.Counts(0.0, 0, 0, 0, 0, 0, 0, 0, 0.0)
 
 
 def read_pose(numbers: np.ndarray) -> mpm.Pose:
@@ -101,7 +99,7 @@ class Episode:
 
     def __init__(self, task: TaskConfig, horizon: Horizon) -> None:
         self.task, self.horizon = task, horizon
-        self.reward = Reward(task) if task.dose is None else DoseReward(task)
+        self.reward, self.outcome = build_reward(task), build_outcome(task)
         self.running, self.step_count, self.counts = False, 0, NOTHING_COUNTED
         self.diverged: str | None = None
         """Why the simulation diverged; None while it has not."""
@@ -109,12 +107,10 @@ class Episode:
         """Pose of the tool in the world; the quaternion is continuous, without jumps of sign."""
         self._start = self.pose
 
-    def restart(self, pose: mpm.Pose, counts: TaskCounts, setting: Setting = STANDARD) -> dict[str, Any]:
+    def restart(self, pose: mpm.Pose, counts: mpm.Counts, setting: Setting = STANDARD) -> dict[str, Any]:
         """Begin with the tool at a pose, the counts there, and what is drawn of the scene; return the info."""
-        if isinstance(self.reward, DoseReward):
-            self.reward.restart(setting.target_mass, setting.grain_mass)
-        else:
-            self.reward.restart()
+        self.reward.restart()
+        self.outcome.restart(setting.target_mass, setting.grain_mass)
         self._start = self.pose = pose
         self.counts, self.step_count, self.running, self.diverged = counts, 0, True, None
         return self._info({})
@@ -123,14 +119,16 @@ class Episode:
         """Return the episode's state: arrays and plain values."""
         return {"running": self.running, "step_count": self.step_count, "diverged": self.diverged,
                 "start": np.concatenate(self._start), "pose": np.concatenate(self.pose),
-                "counts": copy.deepcopy(self.counts._asdict()), "reward": self.reward.state()}
+                "counts": copy.deepcopy(self.counts._asdict()), "reward": self.reward.state(),
+                "outcome": self.outcome.state()}
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over what `state` returned."""
         self.running, self.step_count, self.diverged = state["running"], state["step_count"], state["diverged"]
         self._start, self.pose = read_pose(state["start"]), read_pose(state["pose"])
-        self.counts = TaskCounts(**copy.deepcopy(state["counts"]))
+        self.counts = mpm.Counts(**copy.deepcopy(state["counts"]))
         self.reward.load(state["reward"])
+        self.outcome.load(state["outcome"])
 
     @property
     def progress(self) -> float:
@@ -152,14 +150,14 @@ class Episode:
         self._sums = dict.fromkeys(self.reward.terms, 0.0)
         return min(action_repeat, self.task.steps - self.step_count)
 
-    def add_step(self, counts: TaskCounts, pose: mpm.Pose) -> None:
+    def add_step(self, counts: mpm.Counts, pose: mpm.Pose) -> None:
         """Add the reward of one step, from its counts and the tool's pose at its end."""
         sign = -1.0 if self.pose.quaternion @ pose.quaternion < 0 else 1.0
         self.counts, self.pose = counts, mpm.Pose(pose.position, sign * pose.quaternion)
         self.step_count += 1
         last = self.step_count == self.task.steps
-        angle = self.reward.tilt(self.pose) if isinstance(self.reward, DoseReward) else self.tool_rotation()
-        for name, value in self.reward.step(counts, angle, last).items():
+        step = self.outcome.step(counts, self.pose, self.tool_rotation(), last)
+        for name, value in self.reward.step(step).items():
             self._sums[name] += value
 
     def diverge(self, error: Exception) -> None:
@@ -170,7 +168,7 @@ class Episode:
 
     def end_action(self) -> tuple[float, bool, bool, dict[str, Any]]:
         """Return the action's reward, terminated, truncated and info."""
-        over, early = self.step_count == self.task.steps, self.reward.is_over
+        over, early = self.step_count == self.task.steps, self.outcome.is_over
         self.running = not (over or early) and self.diverged is None
         info = self._info(self._sums)
         if self.diverged is not None:
@@ -185,8 +183,6 @@ class Episode:
 
     def _info(self, terms: dict[str, float]) -> dict[str, Any]:
         """Return the terms of an action's reward, the score so far and physical readings."""
-        return {
-            "reward_terms": dict(terms), "tcs": self.reward.tcs, "tcs_terms": dict(self.reward.score),
-            "readings": self.reward.readings(self.counts), "is_success": self.reward.is_success(self.counts),
-            "time": self.time,
-        }
+        readings = self.outcome.readings(self.counts) | self.reward.readings()
+        return {"reward_terms": dict(terms), "tcs": self.reward.tcs, "tcs_terms": dict(self.reward.score),
+                "readings": readings, "is_success": self.outcome.is_success(self.counts, readings), "time": self.time}

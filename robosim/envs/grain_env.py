@@ -20,15 +20,14 @@ from robosim.envs.world import NO_GRAINS, Memory, World
 from robosim.randomization.draw import Draw, Setting
 from robosim.randomization.ranges import Ranges
 from robosim.randomization.variants import placed
+from robosim.rewards.reward import Reward
 from robosim.senses.perception import PerceptionOptions, Terms
 from robosim.senses.senses import TermOptions
 from robosim.senses.term import SenseScene, Sight
 from robosim.tasks.actions import ActionScaling, DelayLine, check_action_repeat, delay_steps
 from robosim.tasks.counting import TOOL
-from robosim.tasks.dosing import DoseReward
 from robosim.tasks.handover import Load
 from robosim.tasks.objective import build_objective
-from robosim.tasks.reward import Reward
 from robosim.tasks.task import TaskConfig, load_task
 
 CAMERAS = ("task", "side", "overview", "close")
@@ -102,14 +101,14 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
     def _check_kind(self, task: TaskConfig) -> None:
         """Raise ConfigError where a registered sub-task is given a task with another tool or other terms."""
-        given, accepted = (f"{', '.join(one.terms)} with the {one.tool_name}"
+        given, accepted = (f"{', '.join(one.reward)} with the {one.tool_name}"
                            for one in (task, load_task(self.TASK)))
         if given != accepted:
             raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {accepted}; any other as "
                               f"robosim.envs.GrainEnv(task=...)")
 
     @property
-    def reward(self) -> Reward | DoseReward:
+    def reward(self) -> Reward:
         """Reward and score of the running episode."""
         return self.episode.reward
 
@@ -185,7 +184,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         try:
             for *now, count in self._delay.push(velocity, steps):
                 for reading, pose in self.carrier.advance(now, count):
-                    episode.add_step(self.counter.translate(reading), pose)
+                    episode.add_step(reading, pose)
         except (mpm.SimulationDiverged, RobotDiverged) as error:
             episode.diverge(error)
             sensed = {}

@@ -22,13 +22,13 @@ from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, c
 from robosim.scene.grains import Filling, fill, grain_volume
 from robosim.senses.perception import Perception, PerceptionOptions
 from robosim.shapes import tool_shape
-from robosim.tasks.counting import TOOL, TaskCounter
+from robosim.tasks.counting import TOOL, build_counter
 from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
 from robosim.tasks.task import TaskConfig, load_task
 
 NO_GRAINS = np.zeros((0, 6), np.float32)
 STANDARD = PerceptionOptions()
-STATE_FORMAT = 4
+STATE_FORMAT = 5
 """Raised when a state has other entries."""
 
 
@@ -104,9 +104,9 @@ class World:
         self._unsettled = self.solver.state() if self.randomization.varies_grains else {}
         self._starts: dict[tuple[str, float, float], dict[str, np.ndarray]] = {}
         """Settled states by what `Draw.grains` says of them."""
-        self.counter = TaskCounter(self.task, self.solver)
+        self.counter = build_counter(self.task, self.solver)
         self.sample = mpm.Sample(self.solver, self.observer.grains) if len(self.observer.grains) else None
-        self.counter.attach(self.sample)
+        self.solver.attach(self.counter, self.sample)
         if load is None:
             self._settled = settled_state(name, self.task, self.material, self.solver)
         else:

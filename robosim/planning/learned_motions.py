@@ -135,7 +135,7 @@ def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
         # until release 0.1 action_repeat was called hold
         repeat = stored.integer("action_repeat" if "action_repeat" in stored else "hold", None, 1, task.steps)
         count = -(-task.steps // repeat)
-        if task.reward.pours:
+        if "poured" in task.reward:
             count = stored.integer("needed", count, 1, count)
         for action in actions[:count]:
             for _ in range(repeat):

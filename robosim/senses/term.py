@@ -11,7 +11,6 @@ import mpm
 from robosim.base.errors import ConfigError
 from robosim.config.materials import MaterialConfig
 from robosim.randomization.draw import STANDARD, Setting
-from robosim.tasks.counting import TaskCounts
 from robosim.tasks.task import TaskConfig
 
 NOTHING: Mapping[str, float] = {}
@@ -41,7 +40,7 @@ class Sight(NamedTuple):
     """Share of the episode that is over."""
     pose: mpm.Pose
     """Of the tool; its quaternion is without jumps of sign."""
-    counts: TaskCounts
+    counts: mpm.Counts
     """Of the task's grains."""
     grains: np.ndarray
     """Positions [m] and velocities [m/s] (n, 6), float32, of the grains that `Term.grains` asks for."""

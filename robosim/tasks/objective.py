@@ -10,6 +10,9 @@ import numpy as np
 
 from mpm.rollout.losses import Above, Attraction, Clear, Loss, Sum, Turned, WeightedDistance
 from robosim.base.errors import ConfigError
+from robosim.rewards.grains import Distance, Poured
+from robosim.rewards.term import find_term
+from robosim.rewards.tool import Collision, Turn
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import container_points, observed_grains, whole_tool_sdf
 from robosim.tasks.task import TaskConfig
@@ -28,21 +31,22 @@ def build_objective(task: TaskConfig) -> Loss:
 
     It is minus the reward's distance term up to a constant, plus the error of the tool's rotation. Where grains are
     poured, the height of each grain above the bounds' lower plane replaces the count of poured grains.
-    Raises ConfigError for a dosing task.
+    Raises ConfigError for a task whose reward has no distance.
     """
-    if task.dose is not None:
-        raise ConfigError("objective: the reward of a dosing task counts masses and has no gradient; accepted: a task "
-                          "without a section dose")
-    distance, n = task.reward.distance, task.grains.counted
+    distance, n = find_term(task.reward, Distance), task.grains.counted
+    if distance is None:
+        raise ConfigError("objective: a reward without distance, such as that of a dose, has no gradient; accepted: a "
+                          "task with reward.distance")
     scale = distance.total / (task.steps * n * distance.reference)
     counted = None if task.grains.elites else observed_grains(task)
     terms: list[Loss] = [WeightedDistance(np.array(task.goal), np.array(distance.weights), counted, scale,
                                           task.grains.elites)]
-    if task.reward.pours:
+    poured = find_term(task.reward, Poured)
+    if poured is not None:
         plane = task.bounds.centre[2] - task.bounds.half[2]
-        per_metre = 2.0 * task.reward.poured / (task.steps * (task.start.position[2] - plane))
+        per_metre = 2.0 * poured.weight / (task.steps * (task.start.position[2] - plane))
         terms.append(Above(plane, counted, per_metre))
-    turn = task.reward.turn
+    turn = find_term(task.reward, Turn)
     if turn is not None:
         terms.append(Turned(task.start.pose.matrix, math.radians(turn.angle_deg), task.steps, turn.scale))
     if not task.carried:
@@ -53,5 +57,7 @@ def build_objective(task: TaskConfig) -> Loss:
         terms.append(Attraction(np.array(interior.centre), counted, 0.0, weights))
     points = container_points(task)
     if points is not None:
-        terms.append(Clear(points, whole_tool_sdf(task), CLEARANCE, -task.reward.collision / COLLISION_DEPTH))
+        collision = find_term(task.reward, Collision)
+        cost = 0.0 if collision is None else -collision.weight
+        terms.append(Clear(points, whole_tool_sdf(task), CLEARANCE, cost / COLLISION_DEPTH))
     return Sum(tuple(terms))

@@ -7,7 +7,7 @@ import numpy as np
 
 import mpm
 from mpm.state.particles import SPEED_LIMIT
-from robosim.tasks.counting import TaskCounts, observed_grains
+from robosim.tasks.counting import observed_grains
 from robosim.tasks.sections import LARGEST_DOSE
 from robosim.tasks.task import TaskConfig
 
@@ -45,7 +45,7 @@ class Observer:
         """Name of each part of a flat observation -> its slice."""
         self.space = self._build_space()
 
-    def read(self, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, progress: float,
+    def read(self, grains: np.ndarray, pose: mpm.Pose, counts: mpm.Counts, progress: float,
              place: mpm.Pose = AT_HOME, target: float = 0.0) -> Any:
         """Return an observation in an array of its own.
 
@@ -90,7 +90,7 @@ class Observer:
         return _box(np.concatenate([b[0] for b in parts.values()]), np.concatenate([b[1] for b in parts.values()]))
 
 
-def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts,
+def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: mpm.Counts,
             place: mpm.Pose = AT_HOME) -> np.ndarray:
     """Return statistics of all grains, in the order of `moment_bounds`; arguments as of `Observer.read`."""
     x, v = grains[:, :3].astype(float), grains[:, 3:].astype(float)
@@ -101,9 +101,9 @@ def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: TaskCo
     parts = [centre, v.mean(0), covariance, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0),
              centre - place.apply(np.array(task.goal)[None])[0],
              pose.inverse().apply(centre[None])[0],
-             [counts.held / candidates, counts.on_target / candidates, counts.lost / counted]]
+             [counts.in_inner / candidates, counts.in_region / candidates, counts.exited / counted]]
     if task.container is not None:
-        parts.append([counts.touching / n, min(counts.clearance, 0.1)])
+        parts.append([counts.near / n, min(counts.clearance, 0.1)])
     return np.concatenate(parts)
 
 

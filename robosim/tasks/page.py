@@ -6,11 +6,11 @@ Headings and tables follow Gymnasium's environment pages.
 import numpy as np
 
 from robosim.config.materials import load_material
+from robosim.rewards.reward import Reward
 from robosim.scene.field import largest_step
 from robosim.scene.grains import grain_volume
-from robosim.tasks.dosing import DoseReward
 from robosim.tasks.observation import DOSING_TERMS, SCOOPING_TERMS, grain_bounds, tool_bounds
-from robosim.tasks.reward import Reward
+from robosim.tasks.outcome import build_reward
 from robosim.tasks.sections import DosingConfig
 from robosim.tasks.task import RegionConfig, TaskConfig, load_task
 
@@ -122,9 +122,7 @@ their sum over the episode. m is {measured}.
 
 | Term | Per | Value |
 |---|---|---|
-| error | step | {error:g} x decrease of abs(m / target - 1), which counts up to 2 |
-| time | step | {time:.3g} |
-| spill | step | -{spill:g} x increase of the spilled mass / target, which counts up to 1 |
+{rewards}
 
 `info["tcs"]` is {worst:g} for a tool that never moves and at most {best:g}.
 `info["is_success"]` is True where m is within {percent:g} % or {grams:g} g of the target, whichever is more.
@@ -154,21 +152,23 @@ def build_page(name: str) -> str:
     task = load_task(name)
     if task.dose is not None:
         return _build_dose_page(name, task, task.dose)
-    worst, best = Reward(task).extremes()
+    reward = build_reward(task)
+    worst, best = reward.extremes()
     observations, size = _observation_rows(task)
     return PAGE.format(
         summary=task.description[0].upper() + task.description[1:] + ".", name=name, material=task.material,
         tool=task.tool_name, count=task.grains.count, steps=task.steps, step_dt=task.step_dt,
         decisions=-(-task.steps // 10), n=task.action.dimensions, lower=task.action.lower, upper=task.action.upper,
         actions=_table(_action_rows(task)), observations=_table(observations), size=size,
-        terms=_table(_term_rows(task)), worst=worst, best=best, success=_success(task), start=task.start.position,
+        terms=_table(_term_rows(reward)), worst=worst, best=best, success=_success(task), start=task.start.position,
         spread=task.start.spread, target=_region(task.target), bounds=_region(task.bounds))
 
 
 def _build_dose_page(name: str, task: TaskConfig, dose: DosingConfig) -> str:
     """Write the page of a dosing task."""
     density, volume, pours = load_material(task.material).density.value, grain_volume(task), task.receiver is not None
-    worst, best = DoseReward(task).extremes()
+    reward = build_reward(task)
+    worst, best = reward.extremes()
     terms = DOSING_TERMS if pours else SCOOPING_TERMS
     mass = 1e3 * task.grains.count * density * volume
     rows: list[tuple[object, ...]] = [(k, quantity, f"-{unit}", unit) for k, quantity, _, _, unit in _action_rows(task)]
@@ -186,7 +186,7 @@ def _build_dose_page(name: str, task: TaskConfig, dose: DosingConfig) -> str:
         lower=task.action.lower, upper=task.action.upper, actions=_table(rows),
         terms=", ".join(f"`{term}`" for term in terms),
         measured="the mass in the receiver" if pours else "the mass in the tool",
-        error=dose.reward.error, time=-dose.reward.time / task.steps, spill=dose.reward.spill, worst=worst, best=best,
+        rewards=_table(_term_rows(reward)), worst=worst, best=best,
         percent=dose.tolerance_percent, grams=dose.tolerance_g,
         spilled="what lies beside the receiver" if pours else f"what is outside {_region(task.bounds)}",
         low=dose.target_g[0], high=dose.target_g[1], start=task.start.position, spread=task.start.spread,
@@ -232,41 +232,16 @@ def _vector(values: np.ndarray) -> str:
 
 def _success(task: TaskConfig) -> str:
     """Describe what counts as success."""
+    assert task.success is not None
     words = f"{task.success.delivered:.0%} of {task.grains.counted} grains on the target"
     if task.success.turn_error_deg is not None:
         words += f" and the tool rotated to within {task.success.turn_error_deg:g} deg"
     return words
 
 
-def _term_rows(task: TaskConfig) -> list[tuple[object, ...]]:
+def _term_rows(reward: Reward) -> list[tuple[object, ...]]:
     """Return the rows of the table of rewards."""
-    weights, n, distance, reward = task.reward, task.grains.counted, task.reward.distance, Reward(task)
-    counted = "grains closest to the goal" if task.grains.elites else "observed grains"
-    rows: list[tuple[object, ...]] = [
-        ("distance", "step", f"{reward.beta:.4g} ({reward.gamma:.4g} - sum over the {n} {counted} of "
-         f"{distance.weights} . abs(x - {task.goal}))")]
-    if weights.pours:
-        return [*rows, ("target", "grain that leaves the bounds",
-                        f"+{weights.target} over the target, else -{weights.target}"),
-                ("poured", "grain, last step", f"+{weights.poured} outside the bounds, else -{weights.poured}"),
-                *_further_rows(task)]
-    rows += [("lost", "grain that leaves the bounds", weights.lost),
-             ("target", f"grain of the {n}, last step", f"+{weights.target} on the target, else -{weights.target}")]
-    return rows + _further_rows(task)
-
-
-def _further_rows(task: TaskConfig) -> list[tuple[object, ...]]:
-    """Return the rows of contact, collision and turn, where the reward has them."""
-    weights, rows = task.reward, []
-    if weights.contact:
-        rows.append(("contact", "grain that touches the tool, step", f"+{weights.contact}"))
-    if weights.collision:
-        rows.append(("collision", "step in which the tool hits the container", weights.collision))
-    if weights.turn is not None:
-        turn = weights.turn
-        rows.append(("turn", "last step", f"{turn.scale:g} ({turn.margin:g} - abs(rotation - {turn.angle_deg:g} deg)), "
-                     f"in rad"))
-    return rows
+    return [(name, *term.row(reward.scene)) for name, term in reward.terms.items()]
 
 
 def _region(region: RegionConfig) -> str:

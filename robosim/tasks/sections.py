@@ -1,4 +1,4 @@
-"""Sections of a task file: grains, start, actions, reward, success and script."""
+"""Sections of a task file: grains, start, actions, success, script and dose."""
 
 from typing import Annotated, Any, Literal
 
@@ -15,11 +15,9 @@ from robosim.config.bounds import (
     Duration,
     FilePath,
     HalfSize,
-    PositiveWeight,
     RangeEnd,
     Share,
     Speed,
-    Weight,
 )
 from robosim.config.table import Table, Vector3
 
@@ -121,63 +119,6 @@ class ActionConfig(Table):
         return {name: value for name, value in values.items() if name != "vibration" or value}
 
 
-class DistanceConfig(Table):
-    """Distance term of the reward.
-
-    Each step earns beta (gamma - sum of weighted Manhattan distances), with gamma = N* reference and
-    beta = total / (steps gamma). An episode in which nothing moves earns total (1 - start distance / reference).
-    """
-
-    weights: tuple[Weight, Weight, Weight]
-    """Weights of the distances along x, y and z."""
-    total: PositiveWeight
-    """Reward of an episode in which all grains are at the goal in every step."""
-    reference: PositiveWeight
-    """Weighted distance [m] at which the reward is zero."""
-
-
-class TurnConfig(Table):
-    """Rotation term of the reward: scale (margin - |rotation - angle|), in rad, about the tool's lateral axis."""
-
-    scale: PositiveWeight
-    """Reward per rad."""
-    margin: PositiveWeight
-    """Error [rad] at which the reward is zero."""
-    angle_deg: Angle
-    """Required rotation [deg] from the orientation at the start."""
-
-
-class RewardConfig(Table):
-    """Weights of the paper's reward terms, per grain and per step of `step_dt`."""
-
-    distance: DistanceConfig
-    """Distance of the counted grains to the goal, every step."""
-    target: PositiveWeight
-    """Per grain: + on the target, - elsewhere; beta^t in arXiv 2406.09178."""
-    poured: float = Field(0.0, ge=0.0, le=1e6)
-    """Per grain in the last step: + poured out, - not; beta^p in arXiv 2406.09178."""
-    lost: float = Field(0.0, ge=-1e6, le=0.0)
-    """Per grain that leaves the bounds; beta^n in arXiv 2406.09178."""
-    contact: float = Field(0.0, ge=0.0, le=1e6)
-    """Per grain in contact with the tool, in every step; beta^c in arXiv 2406.09178."""
-    collision: float = Field(0.0, ge=-1e6, le=0.0)
-    """Per step in which the tool touches the container; beta^i in arXiv 2406.09178."""
-    turn: TurnConfig | None = None
-    """Rotation of the tool, in the last step."""
-
-    @property
-    def pours(self) -> bool:
-        """Whether grains shall leave the bounds, over the target."""
-        return self.poured > 0.0
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Names of the terms: those without a weight are left out, but for grains that are lost."""
-        rest = ("distance", "target", "poured") if self.pours else ("distance", "lost", "target")
-        given = [name for name in ("contact", "collision") if getattr(self, name)]
-        return (*rest, *given, *(["turn"] if self.turn is not None else []))
-
-
 class SuccessConfig(Table):
     """What counts as success at the end of an episode."""
 
@@ -198,17 +139,6 @@ class ScriptConfig(Table):
     """Rotation about the tool's lateral axis [deg]."""
 
 
-class DosingRewardConfig(Table):
-    """Weights of a dosing task's reward; each term is at most its weight in an episode, in size."""
-
-    error: PositiveWeight = 10.0
-    """For the error, as a share of the target: what reduces it by a share earns that share."""
-    time: PositiveWeight = 1.0
-    """Cost of an episode of full length."""
-    spill: PositiveWeight = 5.0
-    """Cost of spilling as much as the target."""
-
-
 class DosingConfig(Table):
     """A mass to dose: what lies in the receiver, or without one what the tool holds."""
 
@@ -222,8 +152,6 @@ class DosingConfig(Table):
     """Pitch [deg] at which the tool is level; null: that of the start."""
     controllers: FilePath | None = None
     """Name of the controllers' numbers in configs/dosing, or the path of a .yaml file; null: none."""
-    reward: DosingRewardConfig = DosingRewardConfig()
-    """Weights of the reward."""
 
     @pydantic.model_validator(mode="after")
     def _check_range(self) -> "DosingConfig":

@@ -19,12 +19,11 @@ from robosim.config.scene_config import SceneConfig
 from robosim.config.settings import Setting
 from robosim.config.table import Vector3, load, read, validate
 from robosim.config.tool import ToolConfig
+from robosim.rewards.section import DOSE, RewardTerms
 from robosim.tasks.sections import (
     ActionConfig,
     DosingConfig,
-    DosingRewardConfig,
     GrainsConfig,
-    RewardConfig,
     ScriptConfig,
     StartConfig,
     SuccessConfig,
@@ -37,11 +36,8 @@ MAX_EPISODE = 100_000
 MAX_TIME = 600.0
 """Duration [s] of an episode, as of a path; robosim.config.bounds has the reason."""
 
-OF_DOSING = {"reward": {"distance": {"weights": [0, 0, 0], "total": 1, "reference": 1}, "target": 1},
-             "success": {"delivered": 1}}
-"""What stands in a dosing task for the sections of the published rewards, which it does not have."""
 COMPLETED: Any = None
-"""Default of the sections that a dosing task leaves out, until they are completed."""
+"""Default of the sections that a task with a receiver leaves out, until they are completed."""
 FAR = 10.0
 """Half size [m] of a region without an end."""
 
@@ -96,9 +92,9 @@ class TaskConfig(SceneConfig):
     bounds: RegionConfig = Field(COMPLETED)
     """A grain outside this region and not in the tool is lost; where the reward has the term poured, poured out. null
     with a receiver: all above its rim."""
-    reward: RewardConfig = Field(COMPLETED)
-    """Weights of the reward terms; null in a dosing task, whose weights are in the section dose."""
-    success: SuccessConfig = Field(COMPLETED)
+    reward: RewardTerms = Field(COMPLETED)
+    """Terms of the reward; null in a dosing task: error, time and spill with their usual weights."""
+    success: SuccessConfig | None = None
     """Criterion of success; null in a dosing task, whose tolerances are in the section dose."""
     dose: DosingConfig | None = None
     """A mass to dose, of a dosing task; null: none."""
@@ -111,7 +107,7 @@ class TaskConfig(SceneConfig):
     def _serialize(self, standard: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out that nothing is drawn or dosed: what has been learned on a task stays of use."""
         left_out = {name for name in ("randomize", "dose") if not getattr(self, name)}
-        left_out |= set() if self.dose is None else set(OF_DOSING)
+        left_out |= set() if self.dose is None else {"success"}
         left_out |= set() if self.receiver is None else {"target", "bounds"}
         return {name: value for name, value in standard(self).items() if name not in left_out}
 
@@ -145,9 +141,6 @@ class TaskConfig(SceneConfig):
         return spacing if self.tool_wall == "shell" else super().solid_wall
 
     @property
-    def terms(self) -> tuple[str, ...]:
-        """Names of the terms of the reward."""
-        return self.reward.terms if self.dose is None else tuple(DosingRewardConfig.model_fields)
 
     @property
     def carried(self) -> bool:
@@ -174,15 +167,37 @@ class TaskConfig(SceneConfig):
         """
         if not isinstance(data, dict):
             return data
-        own = dict.fromkeys(("target", "bounds", *OF_DOSING))
-        if data.get("dose") is None:
-            return own | data
-        regions = receiver_regions(data.get("containers"))
-        given = [name for name in (*OF_DOSING, *regions) if data.get(name) is not None]
-        if given:
-            raise ValueError(f"dose with {', '.join(given)}; accepted: dose.reward, dose.tolerance_percent and "
-                             f"dose.tolerance_g, and with a receiver neither target nor bounds")
-        return own | data | OF_DOSING | regions
+        given = {name: value for name, value in data.items() if value is not None or name not in ("target", "bounds")}
+        regions = {} if data.get("dose") is None else receiver_regions(data.get("containers"))
+        both = [name for name in regions if name in given]
+        if both:
+            raise ValueError(f"receiver with {', '.join(both)}; accepted: neither target nor bounds")
+        if data.get("dose") is not None and data.get("reward") is None:
+            given["reward"] = DOSE
+        return dict.fromkeys(("target", "bounds", "reward")) | given | regions
+
+    @pydantic.model_validator(mode="after")
+    def _check_reward(self) -> "TaskConfig":
+        """Refuse terms that do not fit the task, or each other, and a criterion of success that does not."""
+        reward, success = self.reward, self.success
+        lacks = [name for name in ("distance", "target") if self.dose is None and name not in reward]
+        if lacks:
+            raise ValueError(f"reward without {' and '.join(lacks)}; accepted: with both, or a section dose")
+        of_dose = [name for name, term in reward.items() if term.of_dose and self.dose is None]
+        if of_dose:
+            raise ValueError(f"reward.{of_dose[0]} without a section dose; accepted: with one")
+        if success is not None and self.dose is not None:
+            raise ValueError("dose with success; accepted: dose.tolerance_percent and dose.tolerance_g")
+        if success is None and self.dose is None:
+            raise ValueError("success: missing; accepted: success.delivered, or a section dose")
+        if self.container is None and "collision" in reward:
+            raise ValueError(f"reward.collision = {reward['collision'].model_dump()} without a container; accepted: 0")
+        if {"poured", "lost"} <= reward.keys():
+            raise ValueError(f"reward.poured = {reward['poured'].model_dump()}, reward.lost = "
+                             f"{reward['lost'].model_dump()}; accepted: one of them, for grains that leave the bounds")
+        if success is not None and success.turn_error_deg is not None and "turn" not in reward:
+            raise ValueError(f"success.turn_error_deg = {success.turn_error_deg} without reward.turn; accepted: null")
+        return self
 
     @pydantic.model_validator(mode="after")
     def _check_dosing(self) -> "TaskConfig":
@@ -226,14 +241,6 @@ class TaskConfig(SceneConfig):
             raise ValueError(f"script: times {times} s; accepted: positive and rising")
         if self.container is not None and self.pile is not None:
             raise ValueError("a filled container and pile; accepted: one of them, or a tool that is full at the start")
-        if self.container is None and self.reward.collision:
-            raise ValueError(f"reward.collision = {self.reward.collision} without a container; accepted: 0")
-        if self.reward.pours and self.reward.lost:
-            raise ValueError(f"reward.poured = {self.reward.poured}, reward.lost = {self.reward.lost}; accepted: one "
-                             f"of them, for grains that leave the bounds")
-        if self.success.turn_error_deg is not None and self.reward.turn is None:
-            raise ValueError(f"success.turn_error_deg = {self.success.turn_error_deg} without reward.turn; accepted: "
-                             f"null")
         if self.field.region_lower is None:
             raise ValueError("field.region_lower, region_upper: missing; accepted: the corners of the grains' region")
         if self.field.dt is not None and abs(self.step_dt / self.field.dt - round(self.step_dt / self.field.dt)) > 1e-6:

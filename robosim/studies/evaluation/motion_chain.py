@@ -24,6 +24,8 @@ from robosim.episode.play import play
 from robosim.planning.learned_motions import find_motion
 from robosim.recordings.reader import Recording
 from robosim.reports.page import Page
+from robosim.rewards.term import find_term
+from robosim.rewards.tool import Turn
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
 from robosim.studies.evaluation.policies import make_policy, training_options
 from robosim.tasks.handover import Load, take_load
@@ -126,7 +128,7 @@ def replay_motion(task: str, path: Path, *, material: str | None = None, load: L
 
 def _rotation_figures(env: GrainEnv) -> dict[str, float]:
     """The tool's rotation in a sub-task that requires one; empty for others."""
-    turn = env.task.reward.turn
+    turn = find_term(env.task.reward, Turn)
     if turn is None:
         return {}
     angle = math.degrees(env.episode.tool_rotation())

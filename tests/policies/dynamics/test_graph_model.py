@@ -136,12 +136,13 @@ def test_cost_of_the_search_is_the_penalty_of_the_reward():
     at_goal = np.tile(carry.goal, (5, 1))
     assert cost(carry, at_goal, 0.0) == 0.0
     beside_goal = at_goal + [0.1, 0.0, 0.0]
-    expected = carry.reward.distance.total / carry.reward.distance.reference * 0.1 * carry.reward.distance.weights[0]
+    distance = carry.reward["distance"]
+    expected = distance.total / distance.reference * 0.1 * distance.weights[0]
     assert cost(carry, beside_goal, 1.0) == pytest.approx(expected)
     grains = np.tile(scoop.goal, (288, 1))
     grains[30:] += 0.5
     assert cost(scoop, grains, np.radians(-110.0)) == pytest.approx(0.0, abs=1e-9)
-    assert cost(scoop, grains, np.radians(-100.0)) == pytest.approx(scoop.reward.turn.scale * np.radians(10.0))
+    assert cost(scoop, grains, np.radians(-100.0)) == pytest.approx(scoop.reward["turn"].scale * np.radians(10.0))
 
 
 def test_rollouts_are_stored_and_recognised(tmp_path):

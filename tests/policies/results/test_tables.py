@@ -16,7 +16,7 @@ from policies.results.tables import check, collect_rows, tables
 from robosim.base.digests import exercised_code
 from robosim.base.resources import config_names
 from robosim.reports.page import Page
-from robosim.tasks.reward import Reward
+from robosim.tasks.outcome import build_reward
 from robosim.tasks.task import load_task
 
 
@@ -162,7 +162,7 @@ def test_the_bundled_table_has_distinct_runs_within_the_tasks_bounds() -> None:
     path = Path(__file__).resolve().parents[3] / "policies" / "trained" / "tables.json"
     rows, unfinished = collect_rows([path])
     assert len(rows) == len(json.loads(path.read_text())["runs"]) and not unfinished
-    highest = {task: Reward(load_task(task)).extremes()[1] for task in config_names("tasks")}
+    highest = {task: build_reward(load_task(task)).extremes()[1] for task in config_names("tasks")}
     presets = {name: load_preset(name).model_dump() for name in config_names("training")}
     for row in rows:
         assert row["method"] not in presets or row["preset"] == preset_digest(presets[row["method"]]), row

@@ -162,7 +162,7 @@ def test_a_heap_in_a_still_spoon_stands(spoon: GrainEnv) -> None:
         spoon.step(STILL)
     tops.append(spoon.solver.positions()[:, 2].max())
     assert -1e-4 < tops[0] - tops[1] < 6e-4
-    assert spoon.episode.counts.held == 320
+    assert spoon.episode.counts.in_inner == 320
     assert np.array_equal(spoon.solver.collider_pose(0).position, spoon.task.start.position)
 
 

@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
@@ -17,9 +18,8 @@ from robosim.envs.grain_env import GrainEnv
 from robosim.scene.grains import grain_volume
 from robosim.shapes import tool_shape
 from robosim.studies.evaluation.policies import make_policy
-from robosim.tasks.counting import TaskCounts
 from robosim.tasks.observation import Observer
-from robosim.tasks.reward import Reward
+from robosim.tasks.outcome import build_outcome, build_reward
 from robosim.tasks.task import load_task, task_names
 
 EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10), "ShovelMove": (-41.70, 41.70),
@@ -66,8 +66,8 @@ def test_every_task_has_an_environment_with_a_page() -> None:
 
     for name in TASKS:
         page, task = getattr(sub_tasks, name).__doc__, load_task(name)
-        for fact in (str(task.grains.count), str(task.reward.target), f"{Reward(task).extremes()[0]:.2f}",
-                     str(task.action.speed), str(task.target.centre)):
+        for fact in (str(task.grains.count), str(task.reward["target"].model_dump()),
+                     f"{build_reward(task).extremes()[0]:.2f}", str(task.action.speed), str(task.target.centre)):
             assert fact in page, (name, fact)
         assert re.findall(r"^## (.*)$", page, re.M) == HEADINGS
     for name in DOSING:
@@ -91,21 +91,21 @@ def test_the_page_has_the_bounds_of_the_spaces(pour: GrainEnv) -> None:
 
 @pytest.mark.parametrize("name", EXTREMES)
 def test_extremes_follow_from_counts_and_weights(name: str) -> None:
-    assert Reward(load_task(name)).extremes() == pytest.approx(EXTREMES[name], abs=1e-9)
+    assert build_reward(load_task(name)).extremes() == pytest.approx(EXTREMES[name], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", EXTREMES)
 def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
     """All grains reach the target, in the last step or, where they are poured, in one on the way."""
     task = load_task(name)
-    reward, n = Reward(task), task.grains.counted
-    poured = n if task.reward.pours else 0
-    none = TaskCounts(0.0, 0, 0, 0, 0, n, 0, 0, 1.0)
-    way = none._replace(newly_lost=poured, lost_on_target=poured, lost=poured, on_target=n)
-    total = sum(sum(reward.step(now, 0.0, now is way).values()) for now in (none, way))
+    reward, outcome, n = build_reward(task), build_outcome(task), task.grains.counted
+    poured = n if "poured" in task.reward else 0
+    none = mpm.Counts(0.0, 0, 0, 0, 0, n, 0, 0, 1.0)
+    way = none._replace(newly_exited=poured, exited_from_region=poured, exited=poured, in_region=n)
+    total = sum(sum(reward.step(outcome.step(now, task.start.pose, 0.0, now is way)).values()) for now in (none, way))
     assert reward.tcs == pytest.approx(EXTREMES[name][1], abs=1e-9)
-    assert total == pytest.approx(reward.tcs + 2 * reward.beta * reward.gamma)
-    assert reward.is_success(way)
+    assert total == pytest.approx(reward.tcs + 2 * task.reward["distance"].total / task.steps)
+    assert outcome.is_success(way, outcome.readings(way))
 
 
 @pytest.mark.parametrize("name", MOST)
@@ -170,7 +170,7 @@ def test_the_score_does_not_depend_on_the_action_repeat(pour: GrainEnv) -> None:
 def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
     """Random states: elites, target, contact, collision and turn, against the paper's equation written out."""
     task, rng = scoop.task, np.random.default_rng(0)
-    weights = task.reward
+    weights: Any = SimpleNamespace(**task.reward)
     for _ in range(5):
         scoop.reset(seed=0)
         state = scoop.solver.state()
@@ -179,7 +179,7 @@ def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
         scoop.solver.load(state)
         scoop.counter.restart()
         now = scoop.counter.read()
-        terms = scoop.reward.step(now, -1.5, True)
+        terms = scoop.reward.step(scoop.episode.outcome.step(now, task.start.pose, -1.5, True))
         x = scoop.solver.positions()
         distance = np.abs(x - task.goal) @ weights.distance.weights
         elite = np.argsort(distance)[: task.grains.elites]
@@ -187,17 +187,19 @@ def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
         assert terms["distance"] == pytest.approx(beta * (300 * weights.distance.reference - distance[elite].sum()),
                                                   rel=1e-6)
         assert terms["target"] == pytest.approx(
-            weights.target * np.where(task.target.region.holds(x[elite]), 1.0, -1.0).sum())
+            weights.target.weight * np.where(task.target.region.holds(x[elite]), 1.0, -1.0).sum())
         assert terms["turn"] == pytest.approx(15 * (2.0 - abs(-1.5 + np.radians(110))))
         tool = scoop.solver.collider_pose(0)
         phi = scoop.solver.colliders[0].sdf.distance(tool.inverse().apply(x))
-        assert terms["contact"] == pytest.approx(weights.contact * (phi < 0.004).sum(), abs=2 * weights.contact)
+        assert terms["contact"] == pytest.approx(weights.contact.weight * (phi < 0.004).sum(),
+                                                 abs=2 * weights.contact.weight)
         assert terms["lost"] == 0.0 and terms["collision"] == 0.0
 
 
 def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
     """Grains jump from one random state to the next: who crossed the bounds, and whether it was over the target."""
     task, rng = pour.task, np.random.default_rng(1)
+    weights: Any = SimpleNamespace(**task.reward)
     bounds, target = task.bounds.region, task.target.region
 
     def jump() -> np.ndarray:
@@ -213,17 +215,17 @@ def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
         pour.counter.restart()
         after = jump()
         now = pour.counter.read()
-        terms = pour.reward.step(now, 0.0, True)
+        terms = pour.reward.step(pour.episode.outcome.step(now, task.start.pose, 0.0, True))
         tool = pour.solver.collider_pose(0).inverse()
         out, ahead = (~bounds.holds(x) & ~tool_shape("spoon").interior.holds(tool.apply(x)) for x in (before, after))
         crossed = ahead & ~out
         assert crossed.sum() > 5
         signs = np.where(target.holds(before[crossed]), 1.0, -1.0)
-        assert terms["target"] == pytest.approx(task.reward.target * signs.sum())
-        assert terms["poured"] == pytest.approx(task.reward.poured * np.where(out | ahead, 1.0, -1.0).sum())
-        distance = (np.abs(after - task.goal) @ task.reward.distance.weights).sum()
-        gamma = 203 * task.reward.distance.reference
-        assert terms["distance"] == pytest.approx(task.reward.distance.total / (1000 * gamma) * (gamma - distance),
+        assert terms["target"] == pytest.approx(weights.target.weight * signs.sum())
+        assert terms["poured"] == pytest.approx(weights.poured.weight * np.where(out | ahead, 1.0, -1.0).sum())
+        distance = (np.abs(after - task.goal) @ weights.distance.weights).sum()
+        gamma = 203 * weights.distance.reference
+        assert terms["distance"] == pytest.approx(weights.distance.total / (1000 * gamma) * (gamma - distance),
                                                   rel=1e-6)
 
 

@@ -60,7 +60,7 @@ def test_a_new_sort_of_task_is_a_file() -> None:
     env = make("sweep.yaml", action_repeat=ACTION_REPEAT)
     env.reset(seed=0, options={"nominal": True})
     terms = env.unwrapped.reward.terms  # pyright: ignore[reportAttributeAccessIssue]
-    assert terms == ("distance", "lost", "target", "contact", "turn")
+    assert list(terms) == ["distance", "lost", "target", "contact", "turn"]
     over, touching, info = False, 0.0, {}
     while not over:
         _, _, over, _, info = env.step(np.array([0.0, 0.5, 0.0], np.float32))

@@ -125,7 +125,7 @@ def test_an_episode_is_continued_from_its_state_to_the_bit():
     expected = env.step(action)
     other.reset(seed=5)
     other.load(state)
-    assert other.world.counter._counter.frame.position.any()
+    assert other.world.counter.frame.position.any()
     found = other.step(action)
     np.testing.assert_array_equal(found[0], expected[0])
     assert found[1] == expected[1]

@@ -22,10 +22,10 @@ from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.scene.grains import grain_volume
 from robosim.tasks.actions import ActionScaling
-from robosim.tasks.counting import TaskCounts
-from robosim.tasks.dosing import REST, DoseReward, load_mass
+from robosim.tasks.dosing import load_mass
 from robosim.tasks.handover import Load, task_with_load
 from robosim.tasks.objective import build_objective
+from robosim.tasks.outcome import REST, Dose, build_reward
 from robosim.tasks.task import TaskConfig, load_task
 
 GRAIN = 1e-4
@@ -47,14 +47,21 @@ def task_with(**changes: Any) -> TaskConfig:
     return validate(data, Path("task.yaml"), TaskConfig)
 
 
-def counts(poured: int, spilled: int, held: int) -> TaskCounts:
-    return TaskCounts(0.0, 0, 0, poured, poured + spilled, held, 0, 0, 1.0)
+def counts(poured: int, spilled: int, held: int) -> mpm.Counts:
+    return mpm.Counts(0.0, 0, 0, poured, poured + spilled, held, 0, 0, 1.0)
+
+
+def pose_at(task: TaskConfig, tilt_deg: float) -> mpm.Pose:
+    """The tool pitched by an angle from the level."""
+    assert task.dose is not None
+    level = task.start.pitch_deg if task.dose.level_pitch_deg is None else task.dose.level_pitch_deg
+    return task.start.model_copy(update={"pitch_deg": level + tilt_deg}).pose
 
 
 @pytest.fixture
-def reward() -> DoseReward:
+def dose() -> Dose:
     """Of 320 grains of 0.1 g, with a target of 10 g."""
-    made = DoseReward(load_task("DoseSpoon"))
+    made = Dose(load_task("DoseSpoon"))
     made.restart(0.01, GRAIN)
     return made
 
@@ -71,7 +78,7 @@ def test_other_tasks_have_no_key_of_dosing(name: str) -> None:
 def test_a_dosing_task_is_read_again_from_what_it_writes(name: str) -> None:
     task = load_task(name)
     assert TaskConfig.model_validate_json(task.model_dump_json()) == task
-    assert task.with_tool(task.tool) == task and task.terms == ("error", "time", "spill")
+    assert task.with_tool(task.tool) == task and list(task.reward) == ["error", "time", "spill"]
 
 
 def test_target_and_bounds_are_those_of_the_receiver() -> None:
@@ -83,10 +90,12 @@ def test_target_and_bounds_are_those_of_the_receiver() -> None:
     assert task.bounds.region.holds(points).tolist() == [False, False, True, False, True]
 
 
-def test_terms_add_up_to_what_the_end_is_worth(reward: DoseReward) -> None:
+def test_terms_add_up_to_what_the_end_is_worth(dose: Dose) -> None:
     """error: the share of the target that is right at last, whatever happened before."""
+    reward = build_reward(dose.task)
     for poured, spilled in ((0, 0), (40, 2), (130, 1), (130, 5)):
-        terms = reward.step(counts(poured, spilled, 320 - poured - spilled), 0.5, False)
+        now = counts(poured, spilled, 320 - poured - spilled)
+        terms = reward.step(dose.step(now, pose_at(dose.task, 30.0), 0.0, False))
     assert reward.score["error"] == pytest.approx(10.0 * (1.0 - 0.3))
     assert reward.score["spill"] == pytest.approx(-5.0 * 5 * GRAIN / 0.01)
     assert reward.score["time"] == pytest.approx(-4.0 / 10_000)
@@ -96,10 +105,10 @@ def test_terms_add_up_to_what_the_end_is_worth(reward: DoseReward) -> None:
     assert reward.score == pytest.approx({"error": -10.0, "time": -1.0, "spill": -5.0}) and reward.tcs < before
 
 
-def test_readings_have_all_mass(reward: DoseReward) -> None:
-    reward.step(counts(120, 3, 190), 0.5, False)
-    reward.step(counts(110, 3, 190), 0.5, False)
-    values = reward.readings(counts(110, 3, 190))
+def test_readings_have_all_mass(dose: Dose) -> None:
+    for poured in (120, 110):
+        dose.step(counts(poured, 3, 190), pose_at(dose.task, 30.0), 0.0, False)
+    values = dose.readings(counts(110, 3, 190))
     assert sum(values[name] for name in ("poured", "spilled", "held", "elsewhere")) == pytest.approx(320 * GRAIN)
     assert values["poured"] == pytest.approx(0.011) and values["elsewhere"] == pytest.approx(17 * GRAIN)
     assert values["dose_error"] == pytest.approx(0.001) and values["dose_error_percent"] == pytest.approx(10.0)
@@ -110,53 +119,54 @@ def test_readings_have_all_mass(reward: DoseReward) -> None:
     (0.01, 97, True), (0.01, 96, False), (0.01, 103, True), (0.01, 104, False),  # 0.3 g
     (0.03, 306, True), (0.03, 307, False), (0.03, 294, True), (0.03, 293, False),  # 2 %
 ])
-def test_success_is_the_larger_of_two_tolerances(reward: DoseReward, target: float, poured: int, right: bool) -> None:
-    reward.restart(target + 1e-9 * (1 if poured * GRAIN > target else -1), GRAIN)
-    assert reward.is_success(counts(poured, 0, 320 - poured)) is right
+def test_success_is_the_larger_of_two_tolerances(dose: Dose, target: float, poured: int, right: bool) -> None:
+    dose.restart(target + 1e-9 * (1 if poured * GRAIN > target else -1), GRAIN)
+    assert dose.is_success(counts(poured, 0, 320 - poured), {}) is right
 
 
-def test_an_episode_ends_when_the_tool_is_level_again(reward: DoseReward) -> None:
+def test_an_episode_ends_when_the_tool_is_level_again(dose: Dose) -> None:
     """Neither before it was tilted, nor where it is level on its way, nor before what falls has fallen."""
     steps = round(REST / 0.002)
 
     def hold(tilt_deg: float, n: int) -> bool:
         for _ in range(n):
-            assert not reward.is_over
-            reward.step(counts(0, 0, 320), np.radians(tilt_deg), False)
-        return reward.is_over
+            assert not dose.is_over
+            dose.step(counts(0, 0, 320), pose_at(dose.task, tilt_deg), 0.0, False)
+        return dose.is_over
 
     assert not hold(0.0, 2 * steps) and not hold(4.0, 10) and not hold(0.0, 2 * steps)
     assert not hold(6.0, 1) and not hold(0.0, steps - 1) and not hold(2.5, 1) and not hold(1.9, steps - 1)
-    stored = reward.state()
+    stored = dose.state()
     assert hold(0.0, 1)
-    reward.load(stored)
-    assert not reward.is_over and hold(1.0, 1)
+    dose.load(stored)
+    assert not dose.is_over and hold(1.0, 1)
 
 
 def test_a_scoop_is_over_only_outside_its_container() -> None:
     """It starts with its open side down, 110 deg from level, and passes the level in the tray."""
     task = load_task("ScoopTo")
-    reward = DoseReward(task)
-    reward.restart(0.03, GRAIN)
-    inside, level = counts(0, 0, 300)._replace(clearance=0.01), 0.0
+    dose, level = Dose(task), pose_at(task, 0.0)
+    dose.restart(0.03, GRAIN)
+    inside = counts(0, 0, 300)._replace(clearance=0.01)
     for _ in range(400):
-        reward.step(inside, level, False)
-    assert not reward.is_over
+        dose.step(inside, level, 0.0, False)
+    assert not dose.is_over
     for _ in range(250):
-        reward.step(inside._replace(clearance=0.03), level, False)
-    assert reward.is_over and reward.readings(inside)["poured"] == pytest.approx(0.03) and reward.is_success(inside)
+        dose.step(inside._replace(clearance=0.03), level, 0.0, False)
+    assert dose.is_over and dose.readings(inside)["poured"] == pytest.approx(0.03)
+    assert dose.is_success(inside, {})
 
 
 @pytest.mark.parametrize(("name", "start"), [("DoseSpoon", 0.0), ("ScoopTo", 110.0)])
 def test_a_tilt_is_from_the_level_about_any_axis(name: str, start: float) -> None:
     """Pitch, roll, or both; the yaw does not count."""
-    reward = DoseReward(load_task(name))
-    assert np.degrees(reward.tilt(reward.task.start.pose)) == pytest.approx(start, abs=1e-5)
+    dose = Dose(load_task(name))
+    assert np.degrees(dose.tilt(dose.task.start.pose)) == pytest.approx(start, abs=1e-5)
     for yaw, pitch, roll in itertools.product((0.0, 90.0, 200.0), (0.0, -1.5, 40.0), (0.0, 3.0, -90.0)):
         R = Rotation.from_euler("ZYX", (yaw, pitch, roll), degrees=True)
         tilt = np.arccos(np.cos(np.radians(pitch)) * np.cos(np.radians(roll)))
         pose = mpm.Pose(np.zeros(3), R.as_quat(scalar_first=True))
-        assert reward.tilt(pose) == pytest.approx(tilt, abs=1e-7)
+        assert dose.tilt(pose) == pytest.approx(tilt, abs=1e-7)
 
 
 def test_a_tool_on_its_side_is_not_level() -> None:
@@ -169,11 +179,11 @@ def test_a_tool_on_its_side_is_not_level() -> None:
     episode.begin_action(4 * steps)
     for _ in range(2 * steps):
         episode.add_step(counts(0, 0, 320), start._replace(quaternion=side))
-    assert episode.reward.has_tilted and not episode.reward.is_over  # pyright: ignore[reportAttributeAccessIssue]
+    assert not episode.outcome.is_over
     assert abs(episode.tool_rotation()) < 1e-6
     for _ in range(steps + 1):
         episode.add_step(counts(0, 0, 320), start)
-    assert episode.reward.is_over
+    assert episode.outcome.is_over
 
 
 # vibration ----------------------------------------------------------------------------------------------------------
@@ -223,7 +233,10 @@ def test_an_action_of_eight_numbers() -> None:
     ({"dose__target_g": [0.5, 2]}, r"within 1 to 60 g"),
     ({"dose__target_g": [5, 61]}, r"within 1 to 60 g"),
     ({"dose__target_g": [5, float("nan")]}, r"dose.target_g.1"),
-    ({"dose__reward": {"errors": 1}}, r"unknown key 'dose.reward.errors'; valid: error, time, spill"),
+    ({"dose__reward": {"error": 1}}, r"key 'dose.reward' is now called 'reward'; rename it"),
+    ({"reward": {"errors": 1}}, r"reward: unknown term 'errors'; valid: error, time, spill, distance, lost, "),
+    ({"reward": {"error": -1}}, r"reward.error.weight: Input should be greater"),
+    ({"reward": 3}, r"reward: 3; accepted: a table of error, time"),
     ({"action__vibration__frequency": [20, 100]}, r"accepted: up to 62.5 Hz, 8 steps in a period"),
     ({"action__vibration__frequency": [60, 20]}, r"the lowest and then the highest"),
     ({"action__vibration__amplitude": 0.0}, r"action.vibration.amplitude"),
@@ -233,8 +246,8 @@ def test_an_action_of_eight_numbers() -> None:
     ({"containers__receiver__radius": -1.0}, r"containers.receiver.radius"),
     ({"containers": {}, "target": {"centre": [0, 0, 0], "half": [1, 1, 1]},
       "bounds": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"dose without containers; accepted: an empty one"),
-    ({"target": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"dose with target; accepted"),
-    ({"success": {"delivered": 0.5}}, r"dose with success; accepted: dose.reward, dose.tolerance_percent"),
+    ({"target": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"receiver with target; accepted: neither"),
+    ({"success": {"delivered": 0.5}}, r"dose with success; accepted: dose.tolerance_percent"),
     ({"grains": {"count": 320, "observe_every": 2}}, r"grains.observe_every = 2"),
     ({"tool_wall": "shells"}, r"tool_wall"),
 ])
@@ -295,7 +308,7 @@ def test_only_a_dosing_task_draws_a_mass_and_none_has_a_gradient() -> None:
     pour = load_task("SpoonPour")
     with pytest.raises(ConfigError, match="target_mass"):
         Randomization(pour, load_material("salt"), {"target_mass": (0.01, 0.02)})
-    with pytest.raises(ConfigError, match="a task without a section dose"):
+    with pytest.raises(ConfigError, match="task with reward.distance"):
         build_objective(load_task("DoseSpoon"))
 
 

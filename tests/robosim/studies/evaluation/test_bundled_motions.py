@@ -26,8 +26,8 @@ def recorded(name: str) -> dict:
 
 def score_of_grains(task: TaskConfig) -> float:
     """Score that the allowed share of grains is worth if it misses the target and is lost or not poured."""
-    reward = task.reward
-    return math.ceil(GRAINS * task.grains.counted) * (2 * reward.target + 2 * reward.poured - reward.lost)
+    weights = task.model_dump()["reward"]
+    return math.ceil(GRAINS * task.grains.counted) * (2 * weights["target"] + 2 * weights["poured"] - weights["lost"])
 
 
 @pytest.mark.parametrize("name", BUNDLED)
