@@ -42,12 +42,15 @@ def read_timing(term: str, options: dict[str, Any]) -> Timing:
 
 
 class Channel:
-    """A term with its timing. An episode's memory is a dictionary of arrays and plain values."""
+    """A term with its timing. An episode's memory is a dictionary of arrays and plain values.
 
-    def __init__(self, term: Term, timing: Timing) -> None:
+    is_exact: whether values beyond the space's bounds are passed on; otherwise they are cut there, as sensors do.
+    """
+
+    def __init__(self, term: Term, timing: Timing, is_exact: bool = False) -> None:
         if timing.noise > 0.0 and term.space.dtype == np.uint8:
             raise ConfigError(f"obs: {term.name}: noise = {timing.noise}; accepted: 0, or a term of real numbers")
-        self.term, self.timing = term, timing
+        self.term, self.timing, self._is_exact = term, timing, is_exact
 
     @property
     def space(self) -> gymnasium.spaces.Box:
@@ -80,5 +83,6 @@ class Channel:
         if noise > 0.0:
             value = value + noise * rng.standard_normal(value.shape)
         if value.dtype != self.space.dtype:
-            value = np.clip(value, self.space.low, self.space.high).astype(self.space.dtype)
+            value = value if self._is_exact else np.clip(value, self.space.low, self.space.high)
+            value = value.astype(self.space.dtype)
         return value

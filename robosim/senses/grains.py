@@ -1,4 +1,4 @@
-"""The privileged term of grains that are tracked one by one, in the layouts of the published task."""
+"""The privileged terms of grains that are tracked one by one, and of their statistics."""
 
 from typing import Any
 
@@ -7,7 +7,8 @@ import numpy as np
 from robosim.base.errors import ConfigError
 from robosim.senses.term import SenseScene, Sight, Term, box
 from robosim.tasks.counting import observed_grains
-from robosim.tasks.observation import grain_bounds, moment_bounds, moments
+from robosim.tasks.observation import Bounds, grain_bounds
+from robosim.tasks.task import TaskConfig
 
 COLUMNS = {"particles": slice(0, 6), "positions": slice(0, 3), "velocities": slice(3, 6)}
 """Layout -> columns of a grain's row of position and velocity."""
@@ -30,8 +31,9 @@ class GrainsTerm(Term):
         self._task, self._layout = scene.task, layout
         row = grain_bounds(scene.solver.grid, scene.solver.dt)
         if layout == "moments":
-            bounds = moment_bounds(scene.task, row).values()
-            self.space = box(*(np.concatenate(side) for side in zip(*bounds)))
+            bounds = moment_bounds(scene.task, row)
+            self.parts = {name: len(low) for name, (low, _) in bounds.items()}
+            self.space = box(*(np.concatenate(side) for side in zip(*bounds.values())))
             return
         self._chosen = np.arange(scene.task.grains.count) if every else observed_grains(scene.task)
         low, high = (np.tile(side[COLUMNS[layout]], (len(self._chosen), 1)) for side in row)
@@ -40,5 +42,44 @@ class GrainsTerm(Term):
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return rows of grains (n, 6) or (n, 3), or the moments (m,)."""
         if self._layout == "moments":
-            return moments(self._task, sight.grains, sight.pose, sight.counts, sight.setting.place)
-        return sight.grains[self._chosen, COLUMNS[self._layout]]
+            return moments(self._task, sight)
+        rows = sight.grains if len(sight.grains) == len(self._chosen) else sight.grains[self._chosen]
+        return rows[:, COLUMNS[self._layout]]
+
+
+class ObservedGrains(GrainsTerm):
+    """The same of the grains that the task observes, where no other term reads all of them."""
+
+    all_grains = False
+
+
+def moments(task: TaskConfig, sight: Sight) -> np.ndarray:
+    """Return statistics of all grains, in the order of `moment_bounds`."""
+    x, v, counts = sight.grains[:, :3].astype(float), sight.grains[:, 3:].astype(float), sight.counts
+    n, counted = len(x), task.grains.counted
+    candidates = n if task.grains.elites else counted
+    centre = x.mean(0)
+    covariance = np.cov(x.T)[np.triu_indices(3)]
+    parts = [centre, v.mean(0), covariance, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0),
+             centre - sight.setting.place.apply(np.array(task.goal)[None])[0],
+             sight.pose.inverse().apply(centre[None])[0],
+             [counts.in_inner / candidates, counts.in_region / candidates, counts.exited / counted]]
+    if task.container is not None:
+        parts.append([counts.near / n, min(counts.clearance, 0.1)])
+    return np.concatenate(parts)
+
+
+def moment_bounds(task: TaskConfig, row: Bounds) -> dict[str, Bounds]:
+    """Return the parts of `moments` with their bounds; row: those of a grain, from `grain_bounds`."""
+    (lower, _), (upper, fastest) = np.split(row[0], 2), np.split(row[1], 2)
+    diagonal = np.full(3, np.linalg.norm(upper - lower))
+    bounds = {
+        "centre": (lower, upper), "velocity": (-fastest, fastest),
+        "covariance": (-np.full(6, 1.0), np.full(6, 1.0)), "extent": (np.tile(lower, 2), np.tile(upper, 2)),
+        "velocity_spread": (0 * fastest, fastest),
+        "from_goal": (lower - task.goal, upper - task.goal), "in_tool_frame": (-diagonal, diagonal),
+    }
+    bounds |= {name: (np.zeros(1), np.ones(1)) for name in ("held", "on_target", "lost")}
+    if task.container is not None:
+        bounds |= {"touching": (np.zeros(1), np.ones(1)), "clearance": (-np.full(1, 0.1), np.full(1, 0.1))}
+    return bounds

@@ -88,12 +88,14 @@ def valid_terms(scene: SenseScene) -> list[str]:
 class Senses:
     """Observations of chosen terms: a dictionary of their values, or one array of single-precision numbers.
 
-    flat: whether it is one array; `slices` has the place of each term. Raises ConfigError for a term that needs what
-    the scene does not have, and for options that it does not take.
+    flat: whether it is one array; `slices` has the place of each term. is_layout: values are not cut at the bounds of
+    the space, and parts of a term have slices of their own. Raises ConfigError for a term that needs what the scene
+    does not have, and for options that it does not take.
     """
 
-    def __init__(self, scene: SenseScene, choices: Sequence[Choice], *, flat: bool = False) -> None:
-        self.channels = {choice.key: Channel(build_term(scene, choice), choice.timing) for choice in choices}
+    def __init__(self, scene: SenseScene, choices: Sequence[Choice], *, flat: bool = False,
+                 is_layout: bool = False) -> None:
+        self.channels = {choice.key: Channel(build_term(scene, choice), choice.timing, is_layout) for choice in choices}
         self._flat = flat
         self.slices: dict[str, slice] = {}
         """Name of each term in a flat observation -> its slice."""
@@ -104,8 +106,10 @@ class Senses:
             for key, channel in self.channels.items():
                 lows.append(channel.space.low.ravel())
                 highs.append(channel.space.high.ravel())
-                self.slices[key] = slice(begin, begin + len(lows[-1]))
-                begin += len(lows[-1])
+                parts = channel.term.parts if is_layout and channel.term.parts else {key: len(lows[-1])}
+                for name, length in parts.items():
+                    self.slices[name] = slice(begin, begin + length)
+                    begin += length
             low, high = (np.concatenate(bounds).astype(np.float32) for bounds in (lows, highs))
             self.space = gymnasium.spaces.Box(low, high, dtype=np.float32)
 
@@ -144,11 +148,6 @@ def build_term(scene: SenseScene, choice: Choice) -> Term:
         if option not in accepted:
             raise UnknownName(f"option of {name!r} in obs", option, accepted)
     return choice.kind(scene, **choice.options)  # pyright: ignore[reportCallIssue]
-
-
-def reads_all_grains(choices: Sequence[Choice]) -> bool:
-    """Return whether a term of these reads all grains."""
-    return any(choice.kind.all_grains for choice in choices)
 
 
 def describe(choices: Sequence[Choice]) -> list[dict[str, Any]]:

@@ -90,6 +90,8 @@ class Term(ABC):
     reads_sensors: ClassVar[bool] = False
     """Whether it reads sensors of an arm, `ArmSensors`, where there is one."""
     space: gymnasium.spaces.Box
+    parts: Mapping[str, int] = {}  # noqa: RUF012  (never changed)
+    """Names of parts of a value, with their lengths, in place of the term's own name in a flat observation."""
 
     DRAWN: ClassVar[dict[str, tuple[float, float]]] = {}
     """Options that episodes may draw, with their lowest and highest values."""

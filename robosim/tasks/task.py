@@ -141,8 +141,6 @@ class TaskConfig(SceneConfig):
         return spacing if self.tool_wall == "shell" else super().solid_wall
 
     @property
-
-    @property
     def carried(self) -> bool:
         """Whether the grains are in the tool at the start."""
         return self.container is None and self.pile is None

@@ -13,7 +13,8 @@ from gymnasium.utils.env_checker import check_env
 import robosim  # noqa: F401  (registers the environments)
 from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
-from robosim.tasks.observation import Observer
+from robosim.senses.perception import Perception, PerceptionOptions
+from robosim.senses.term import SenseScene
 
 TERMS = [None, ["target", "scale"], ["tool", {"name": "scale", "lag": 0.0}, "height_map", "grains"], "moments"]
 STILL = np.array([0, 0, 0, 0, 0, 0, -1, 0], np.float32)
@@ -73,12 +74,12 @@ def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
 
 @pytest.mark.parametrize("layout", ["flat", "dict", "none"])
 def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv, layout: Any) -> None:
-    seen, info = spoon.reset(seed=4)
-    observer = Observer(spoon.task, spoon.solver, layout)
-    grains = np.zeros((len(observer.grains), 6), np.float32)
-    pose = spoon.episode.pose
-    read = observer.read(grains, pose, spoon.episode.counts, 0.0, target=info["readings"]["target_mass"])
-    target = read["target"] if layout == "dict" else read[observer.slices["target"]]
+    seen, _ = spoon.reset(seed=4)
+    perception = Perception(spoon.task, PerceptionOptions(layout))
+    perception.build(SenseScene(spoon.task, spoon.material, spoon.solver))
+    sight = spoon._look(np.zeros((len(perception.grains), 6), np.float32))
+    read = perception.read(sight, perception.begin(sight, 0))
+    target = read["target"] if layout == "dict" else read[perception.slices["target"]]
     assert np.array_equal(target, seen["target"]) and target.dtype == np.float32
 
 

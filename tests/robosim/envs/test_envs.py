@@ -16,9 +16,10 @@ from robosim.config.materials import load_material
 from robosim.envs import BUNDLED, DOSING, TASKS
 from robosim.envs.grain_env import GrainEnv
 from robosim.scene.grains import grain_volume
+from robosim.senses.perception import Perception, PerceptionOptions
+from robosim.senses.term import SenseScene
 from robosim.shapes import tool_shape
 from robosim.studies.evaluation.policies import make_policy
-from robosim.tasks.observation import Observer
 from robosim.tasks.outcome import build_outcome, build_reward
 from robosim.tasks.task import load_task, task_names
 
@@ -292,27 +293,34 @@ def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
     assert 0 < env.carrier.cell.grasp.slip < 0.003  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def observe(env: GrainEnv, layout: Any) -> tuple[Perception, Any]:
+    """The present state in a layout, and what has read it."""
+    perception = Perception(env.task, PerceptionOptions(layout))
+    perception.build(SenseScene(env.task, env.material, env.solver))
+    grains = mpm.Sample(env.solver, perception.grains).read() if layout != "none" else np.zeros((0, 6), np.float32)
+    sight = env._look(grains)
+    return perception, perception.read(sight, perception.begin(sight, 0))
+
+
 @pytest.mark.parametrize(("layout", "length"), [
     ("flat", 203 * 6 + 8), ("all", 203 * 6 + 8), ("positions", 203 * 3 + 8), ("velocities", 203 * 3 + 8), ("none", 8),
     ("moments", 30 + 8),
 ])
 def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: Any, length: int) -> None:
-    observer = Observer(pour.task, pour.solver, layout)
-    grains = mpm.Sample(pour.solver, observer.grains) if layout != "none" else None
     pour.reset(seed=0)
     act = make_policy("random", pour, 0)
-    for _ in range(20):
-        pour.step(act(pour.observation))
-        seen = observer.read(grains.read() if grains else np.zeros((0, 6)), pour.episode.pose, pour.counter.read(), 0.2)
-        assert seen.shape == (length,) and seen.dtype == np.float32 and observer.space.contains(seen)
-    assert sum(part.stop - part.start for part in observer.slices.values()) == length
+    for _ in range(5):
+        for _ in range(4):
+            pour.step(act(pour.observation))
+        perception, seen = observe(pour, layout)
+        assert seen.shape == (length,) and seen.dtype == np.float32 and perception.space.contains(seen)
+        assert sum(part.stop - part.start for part in perception.slices.values()) == length
+    assert layout != "moments" or perception.slices["centre"] == slice(0, 3)
 
 
 def test_the_dict_layout_has_the_same_numbers(pour: GrainEnv) -> None:
-    flat, parts = (Observer(pour.task, pour.solver, layout) for layout in ("flat", "dict"))
     pour.reset(seed=0)
-    now = pour.counter.read()
-    seen, table = (observer.read(pour.world.grains(), pour.episode.pose, now, 0.5) for observer in (flat, parts))
+    (flat, seen), (parts, table) = (observe(pour, layout) for layout in ("flat", "dict"))
     assert parts.space.contains(table)
     for name in ("particles", "tool", "time"):
         assert np.array_equal(seen[flat.slices[name]], table[name].ravel())
