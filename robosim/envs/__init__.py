@@ -1,6 +1,6 @@
 """Gymnasium environments of the sub-tasks, of dosing and of task files; `import robosim` registers them.
 
-Imports: base, cell, config, coupling, randomization, rendering, robot, scene, senses, shapes, tasks, mpm.
+Imports: base, cell, config, coupling, randomization, rendering, rewards, robot, scene, senses, shapes, tasks, mpm.
 """
 
 import sys

@@ -1,19 +1,30 @@
-"""A running episode: its reward, its clock, its tool's pose, and the info of a step; what environments share."""
+"""A running episode: its reward, its clock, its tool's pose, and the info of a step; the options of environments."""
 
 import copy
 import dataclasses
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 import mpm
 from robosim.base.errors import ConfigError, UnknownName
+from robosim.config.arm import Grip
+from robosim.config.tool import ToolConfig
 from robosim.randomization.draw import STANDARD, Setting
+from robosim.randomization.ranges import Ranges
+from robosim.senses.perception import PerceptionOptions, Terms
+from robosim.senses.senses import TermOptions
+from robosim.tasks.actions import check_action_repeat
+from robosim.tasks.handover import Load
 from robosim.tasks.outcome import build_outcome, build_reward
 from robosim.tasks.task import TaskConfig
 
 Horizon = Literal["terminate", "truncate"]
+RENDER_MODES = ("rgb_array", "human")
+CAMERAS = ("task", "side", "overview", "close")
 NOTHING_COUNTED = mpm.Counts(0.0, 0, 0, 0, 0, 0, 0, 0, 0.0)
 
 
@@ -25,10 +36,65 @@ def read_pose(numbers: np.ndarray) -> mpm.Pose:
     return mpm.Pose(position, quaternion)
 
 
-def check_horizon(horizon: str) -> None:
-    """Raise UnknownName for a horizon that does not exist."""
-    if horizon not in get_args(Horizon):
-        raise UnknownName("horizon", horizon, get_args(Horizon))
+@dataclass(frozen=True, kw_only=True)
+class EnvOptions:
+    """Options of an environment of a sub-task, whose page describes them.
+
+    Raises UnknownName, ConfigError for values that are not accepted.
+    """
+
+    render_mode: str | None = None
+    arm: bool = False
+    material: str | None = None
+    action_repeat: int = 10
+    obs: Terms | None = None
+    flatten: bool = False
+    latency: float = 0.0
+    noise: float = 0.0
+    dropout: float = 0.0
+    privileged: Sequence[TermOptions] = ()
+    action_delay: float = 0.0
+    horizon: Horizon = "terminate"
+    clip_actions: bool = False
+    randomize: str | Ranges | None = None
+    task: TaskConfig | str | None = None
+    camera: str = "task"
+    grasp: Grip = "weld"
+    load: Load | None = None
+    tool: str | ToolConfig | None = None
+    robot: str | None = None
+    gripper: str | None = None
+    numbers: dict[str, float] = dataclasses.field(default_factory=dict)
+    """Of the material, in place of its own."""
+
+    @classmethod
+    def read(cls, given: dict[str, Any]) -> "EnvOptions":
+        """Return the options of keyword arguments; those of another name are numbers of the material."""
+        known = {field.name for field in dataclasses.fields(cls)} - {"numbers"}
+        return cls(**{name: value for name, value in given.items() if name in known},
+                   numbers={name: value for name, value in given.items() if name not in known})
+
+    def __post_init__(self) -> None:
+        for name, accepted in (("render_mode", (None, *RENDER_MODES)), ("grasp", get_args(Grip)),
+                               ("horizon", get_args(Horizon))):
+            if getattr(self, name) not in accepted:
+                raise UnknownName(name, getattr(self, name), [one for one in accepted if one])
+        if self.render_mode is not None and self.camera not in CAMERAS:
+            raise UnknownName("camera", self.camera, CAMERAS)
+        if not self.arm and (self.robot or self.gripper):
+            raise ConfigError(f"robot = {self.robot!r}, gripper = {self.gripper!r} with arm = False; accepted: "
+                              f"arm = True")
+        object.__setattr__(self, "action_repeat", check_action_repeat(self.action_repeat))
+
+    @property
+    def perception(self) -> PerceptionOptions:
+        """Those of the observations."""
+        return PerceptionOptions(self.obs, self.flatten, self.privileged, self.latency, self.noise, self.dropout)
+
+    @property
+    def hardware(self) -> tuple[str, str | None]:
+        """Arm and hand, by name or file; a hand of None is the arm's usual one."""
+        return self.robot or "iiwa14", self.gripper
 
 
 def check_open(method: str, is_closed: bool) -> None:

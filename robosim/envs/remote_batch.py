@@ -1,4 +1,4 @@
-"""A batch of environments in a process of its own, called through a pipe."""
+"""Environments that step one after another, and batches of environments in processes of their own."""
 
 import contextlib
 import multiprocessing
@@ -6,10 +6,84 @@ import traceback
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
 import mpm
 from mpm.backend import numerics
 from robosim.base.errors import ConfigError, RobosimError
-from robosim.envs.batch import EnvBatch, GrainBatch
+from robosim.envs.batch import BatchStep, GrainBatch, Info, check_mask, check_running
+
+
+class EnvBatch:
+    """n environments, with an arm or pictures, that step one after another; each has a field and kernels of its own.
+
+    Methods as of `GrainBatch`, options as of `GrainEnv`.
+    """
+
+    def __init__(self, name: str, n: int, *, autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
+                 **options: Any) -> None:
+        self.autoreset_mode = autoreset_mode
+        self.envs: list[Any] = [gymnasium.make(f"robosim/{name}-v0", disable_env_checker=True, **options).unwrapped
+                                for _ in range(n)]
+        env = self.envs[0]
+        self.metadata, self.actions, self.max_episode_steps = env.metadata, env.actions, env.max_episode_steps
+        self.observation_space, self.action_space = env.observation_space, env.action_space
+
+    def reset(self, seeds: list[int | None], options: dict[str, Any] | None,
+              mask: np.ndarray) -> tuple[list[Any], list[Info]]:
+        """Start episodes in the environments of a mask (n,); infos of the others are empty."""
+        check_mask(mask, [env.observation is not None for env in self.envs])
+        infos = [env.reset(seed=seed, options=options)[1] if now else {}
+                 for env, seed, now in zip(self.envs, seeds, mask)]
+        return [env.observation for env in self.envs], infos
+
+    def state(self, e: int) -> dict[str, Any]:
+        """Return the state of environment e."""
+        return self.envs[e].state()
+
+    def load(self, e: int, state: dict[str, Any]) -> None:
+        """Continue environment e from a state of any environment with the same task and options."""
+        check_running(state, self.autoreset_mode)
+        self.envs[e].load(state)
+
+    def step(self, actions: np.ndarray) -> BatchStep:
+        """Apply actions (n, dimensions)."""
+        n = len(self.envs)
+        starts = [self.autoreset_mode is AutoresetMode.NEXT_STEP and env.observation is not None
+                  and not env.episode.running for env in self.envs]
+        for env, now in zip(self.envs, starts):
+            if not now:  # raises here where no episode is running, before any environment moves
+                env.episode.begin_action(env.action_repeat)
+        rewards, terminated, truncated = np.zeros(n), np.zeros(n, bool), np.zeros(n, bool)
+        infos: list[Info] = [{} for _ in range(n)]
+        finals: list[Info] = [{} for _ in range(n)]
+        for e, env in enumerate(self.envs):
+            if starts[e]:
+                infos[e] = env.reset()[1]
+                continue
+            observation, rewards[e], terminated[e], truncated[e], infos[e] = env.step(actions[e])
+            if not env.episode.running and self.autoreset_mode is AutoresetMode.SAME_STEP:
+                finals[e] = {"final_obs": observation, "final_info": infos[e]}
+                infos[e] = env.reset()[1]
+        return [env.observation for env in self.envs], rewards, terminated, truncated, infos, finals
+
+    def call(self, name: str, arguments: tuple[Any, ...], options: dict[str, Any]) -> list[Any]:
+        """Call a method of each environment with arguments; return the results, or the values of an attribute."""
+        found = [getattr(env, name) for env in self.envs]
+        return [one(*arguments, **options) if callable(one) else one for one in found]
+
+    def set_attr(self, name: str, values: list[Any]) -> None:
+        """Set an attribute of each environment."""
+        for env, value in zip(self.envs, values):
+            setattr(env, name, value)
+
+    def close(self) -> None:
+        """Close the environments; this batch is of no more use."""
+        for env in self.envs:
+            env.close()
+
 
 Batch = GrainBatch | EnvBatch
 

@@ -20,9 +20,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
 from robosim.base.errors import ConfigError, RobosimError, UnknownName
-from robosim.envs.batch import EnvBatch, GrainBatch, Info
+from robosim.envs.batch import GrainBatch, Info
 from robosim.envs.episode import HasCopies, HasEpisodeLength, check_open
-from robosim.envs.remote_batch import BatchError, RemoteBatch, call_batch
+from robosim.envs.remote_batch import BatchError, EnvBatch, RemoteBatch, call_batch
 
 
 def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str | None = None,

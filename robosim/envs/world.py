@@ -11,23 +11,22 @@ import mpm
 from mpm.observers.diagnostics import Momentum
 from robosim.base.errors import ConfigError
 from robosim.config.materials import Law, grain_diameter_of, load_material, overridden
-from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
-from robosim.envs.episode import Episode
+from robosim.envs.episode import EnvOptions, Episode
 from robosim.envs.start import StartOptions, rotate_grains, settled_state, turned
 from robosim.randomization.draw import HOME, Draw, Setting
 from robosim.randomization.randomization import Randomization
-from robosim.randomization.ranges import Ranges, choose_ranges
+from robosim.randomization.ranges import choose_ranges
 from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, check_substeps, largest_step
 from robosim.scene.grains import Filling, fill, grain_volume
-from robosim.senses.perception import Perception, PerceptionOptions
+from robosim.senses.perception import Perception
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL, build_counter
-from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
+from robosim.tasks.handover import load_positions, load_state, task_with_load
 from robosim.tasks.task import TaskConfig, load_task
 
 NO_GRAINS = np.zeros((0, 6), np.float32)
-STANDARD = PerceptionOptions()
+DEFAULT_OPTIONS = EnvOptions()
 STATE_FORMAT = 5
 """Raised when a state has other entries."""
 
@@ -63,26 +62,24 @@ class Setters(NamedTuple):
 class World:
     """A sub-task with a material; one environment runs in it, or a batch of them.
 
-    name: of the file that the settled start is cached in. perception: what is observed; `observer.build` completes it.
-    numbers: of the material, in place of its own. randomize: ranges that each episode draws from, or a preset's name;
-    None: the task's own. mobile: contact moves the tool, too, because an arm carries it. load: what another sub-task
-    has left in the tool, in place of the task's own grains and material. tool: in place of the task's.
+    name: of the file that the settled start is cached in. task: if the options have none. `observer.build` completes
+    what is observed.
     Raises ConfigError, UnknownName for options that cannot be used.
     """
 
-    def __init__(self, name: str, task: TaskConfig | str, *, material: str | None = None,
-                 perception: PerceptionOptions = STANDARD, numbers: dict[str, float] | None = None,
-                 randomize: str | Ranges | None = None, mobile: bool = False, load: Load | None = None,
-                 tool: str | ToolConfig | None = None) -> None:
+    def __init__(self, name: str, task: TaskConfig | str, options: EnvOptions = DEFAULT_OPTIONS) -> None:
+        load, mobile = options.load, options.arm  # an arm carries the tool, so that contact moves it
+        task = options.task or task
         self.task = task if isinstance(task, TaskConfig) else load_task(task)
-        if tool is not None:
-            self.task = self.task.with_tool(tool)
+        if options.tool is not None:
+            self.task = self.task.with_tool(options.tool)
         if load is not None:
             self.task = task_with_load(name, self.task, load)
-        own = load.material if load is not None and material is None else load_material(material or self.task.material)
-        self.material = overridden(own, numbers or {}, "option, or number of this material,")
-        self.observer = Perception(self.task, perception)
-        ranges = choose_ranges(randomize, self.task, mobile)
+        own = load.material if load is not None and options.material is None else \
+            load_material(options.material or self.task.material)
+        self.material = overridden(own, options.numbers, "option, or number of this material,")
+        self.observer = Perception(self.task, options.perception)
+        ranges = choose_ranges(options.randomize, self.task, mobile)
         self.randomization = Randomization(self.task, self.material, ranges, arm=mobile, sensors=self.observer.domains,
                                            volume=None if load is None else load.volume)
         if self.randomization.materials and tool_shape(self.task.tool).holes is not None:

@@ -77,7 +77,7 @@ def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv, layout: Any
     seen, _ = spoon.reset(seed=4)
     perception = Perception(spoon.task, PerceptionOptions(layout))
     perception.build(SenseScene(spoon.task, spoon.material, spoon.solver))
-    sight = spoon._look(np.zeros((len(perception.grains), 6), np.float32))
+    sight = spoon._member.look(np.zeros((len(perception.grains), 6), np.float32))
     read = perception.read(sight, perception.begin(sight, 0))
     target = read["target"] if layout == "dict" else read[perception.slices["target"]]
     assert np.array_equal(target, seen["target"]) and target.dtype == np.float32

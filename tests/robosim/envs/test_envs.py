@@ -298,7 +298,7 @@ def observe(env: GrainEnv, layout: Any) -> tuple[Perception, Any]:
     perception = Perception(env.task, PerceptionOptions(layout))
     perception.build(SenseScene(env.task, env.material, env.solver))
     grains = mpm.Sample(env.solver, perception.grains).read() if layout != "none" else np.zeros((0, 6), np.float32)
-    sight = env._look(grains)
+    sight = env._member.look(grains)
     return perception, perception.read(sight, perception.begin(sight, 0))
 
 

@@ -15,7 +15,7 @@ from robosim.config.materials import load_material
 from robosim.config.table import read, validate
 from robosim.envs import DOSING, TASKS
 from robosim.envs.carrier import Carrier
-from robosim.envs.episode import Episode
+from robosim.envs.episode import EnvOptions, Episode
 from robosim.envs.world import World
 from robosim.randomization.draw import STANDARD
 from robosim.randomization.randomization import Randomization
@@ -291,7 +291,7 @@ def test_a_load_that_was_handed_over_is_weighed_with_its_own_grains() -> None:
     with pytest.raises(ConfigError, match=r"the scoop holds 17.1 g"):
         Randomization(own, load.material, accepted)
     with pytest.raises(ConfigError, match=r"up to 40 g: the scoop holds 34.3 g of 1217"):
-        World("DoseScoop", task, load=load, randomize={"target_mass": (0.005, 0.04)})
+        World("DoseScoop", task, EnvOptions(load=load, randomize={"target_mass": (0.005, 0.04)}))
 
 
 @pytest.mark.parametrize(("pair", "message"), [
