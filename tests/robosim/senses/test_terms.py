@@ -12,7 +12,6 @@ from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec
 from robosim.scene.grains import grain_volume
-from robosim.senses.senses import TERMS, find_term
 from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
@@ -249,9 +248,3 @@ def test_bad_terms_are_refused_by_name(obs, message: str):
 def test_timing_of_layouts_is_refused():
     with pytest.raises(ConfigError, match="with a list of terms"):
         make("SpoonTranslate", latency=0.1)
-
-
-def test_every_term_has_name_unit_and_docstring():
-    for name in TERMS:
-        kind = find_term(name)
-        assert kind.name == name and kind.unit and kind.__doc__
