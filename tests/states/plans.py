@@ -1,0 +1,82 @@
+"""Cases of rehearsals: the plans of all bundled ones, the begin of their simulation, and short ones to the end."""
+
+from typing import Any
+
+from groups import case_of
+from internals import is_wall_time, keep_plan, run_begin
+from keep import Keep
+
+import robosim
+
+REHEARSALS = ("spoon", "scoop", "shovel", "bottle", "pick_bottle", "dose_spoon", "dose_bottle")
+COARSE = {"cell": 0.01, "grains_per_cell": 4}
+
+
+def begin(keep: Keep, name: str, steps: int = 150, **changes: Any) -> None:
+    """Plan a bundled rehearsal, and simulate its first steps."""
+    plan = robosim.Rehearsal(name, **changes).plan()
+    keep_plan(keep, plan)
+    run_begin(keep, plan, steps)
+
+
+def plan_only(keep: Keep, name: str, **changes: Any) -> None:
+    """Plan a bundled rehearsal with some changes."""
+    keep_plan(keep, robosim.Rehearsal(name, **changes).plan())
+
+
+def changed(name: str, **changes: Any) -> robosim.RehearsalConfig:
+    """Return a bundled rehearsal with large cells and other values."""
+    data = robosim.Rehearsal(name).config.model_dump()
+    data["field"] |= COARSE
+    return robosim.RehearsalConfig.model_validate(data | changes)
+
+
+def run(keep: Keep, config: robosim.RehearsalConfig, **options: Any) -> None:
+    """Run a rehearsal to its end, and keep what is reported of it."""
+    result = robosim.Rehearsal(config).run(**options)
+    keep("figures", {name: value for name, value in result.figures.items() if not is_wall_time(name)})
+    keep("missed", [line for line in result.missed if not is_wall_time(line)])
+    keep("curves", result.curves)
+    keep("positions", result.positions)
+
+
+def dip(keep: Keep, **options: Any) -> None:
+    """The spoon dips into its container and comes up again."""
+    waypoints = {one["name"]: one for one in changed("spoon").model_dump()["waypoints"]}
+    for name in ("start", "home"):
+        waypoints[name]["position"] = (-0.03, 0.0, 0.12)
+    down = waypoints["above"] | {"name": "dip", "position": (-0.03, 0.0, 0.06), "speed": 0.3, "stop": True,
+                                 "dwell": 0.2}
+    run(keep, changed("spoon", waypoints=[waypoints["start"], down, waypoints["home"]], weigh_at="dip",
+                      collision_thickness=0.005, grasp_time=0.2), **options)
+
+
+def dose(keep: Keep) -> None:
+    """The spoon doses a little after a way of 2 cm."""
+    config = changed("dose_spoon")
+    held, _, over, _, home = config.model_dump()["waypoints"]
+    for waypoint in (held, home):
+        waypoint |= {"position": (0.72, 0.165, 0.165), "dwell": 0.2, "speed": 0.1, "acceleration": 1.0}
+    over |= {"dwell": 0.0, "speed": 0.1, "acceleration": 1.0}
+    table = config.dose.model_dump() | {"settle": 0.2, "time_limit": 2.0}
+    run(keep, changed("dose_spoon", waypoints=[held, over, home], grasp_time=0.05, least_load=0.0, dose=table))
+
+
+CASES = [
+    *(case for name in REHEARSALS for case in case_of(("f32",), f"rehearsal/{name}", begin, name)),
+    *case_of(("f32",), "rehearsal/dip", dip),
+    *case_of(("f32",), "rehearsal/dose", dose),
+    *case_of(("f32",), "plan/learned spoon", plan_only, "spoon", trajectory="learned"),
+    *case_of(("f32",), "plan/ur5e", plan_only, "spoon", robot="ur5e"),
+]
+MORE = [
+    *case_of(("f64",), "rehearsal/spoon", begin, "spoon"),
+    *case_of(("f64",), "rehearsal/dose_bottle", begin, "dose_bottle"),
+    *case_of(("f64",), "rehearsal/dip", dip, model_errors=3, seed=1),
+    *(case for name in ("lagged", "one_way") for case in
+      case_of(("f32",), f"rehearsal/{name}", begin, "shovel", coupling=name)),
+    *(case for name in ("scoop", "bottle", "shovel") for case in
+      case_of(("f32",), f"plan/learned {name}", plan_only, name, trajectory="learned")),
+    *(case for name in ("panda", "xarm7") for case in
+      case_of(("f32",), f"plan/{name}", plan_only, "spoon", robot=name)),
+]
