@@ -74,14 +74,15 @@ def run_group(group: str, *names: str) -> int:
 
 def _run(case: Case) -> dict[str, Any]:
     """Run a case; return its values or its error, and the seconds that it took."""
-    begin, keep, outcome = time.perf_counter(), Keep(), {}
+    begin, busy, keep, outcome = time.perf_counter(), time.process_time(), Keep(), {}
     try:
         with contextlib.redirect_stdout(sys.stderr):
             case.run(keep)
     except Exception as error:
         outcome = {"error": f"{type(error).__name__}: {error}"}
         traceback.print_exc()
-    return {"values": keep.values, **outcome, "seconds": round(time.perf_counter() - begin, 2)}
+    return {"values": keep.values, **outcome, "seconds": round(time.perf_counter() - begin, 2),
+            "cpu_seconds": round(time.process_time() - busy, 2)}
 
 
 def _tell(message: dict[str, Any]) -> None:

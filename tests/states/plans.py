@@ -42,7 +42,7 @@ def run(keep: Keep, config: robosim.RehearsalConfig, **options: Any) -> None:
 
 def dip(keep: Keep, **options: Any) -> None:
     """The spoon dips into its container and comes up again."""
-    waypoints = {one["name"]: one for one in changed("spoon").model_dump()["waypoints"]}
+    waypoints = {one["name"]: one for one in robosim.Rehearsal("spoon").config.model_dump()["waypoints"]}
     for name in ("start", "home"):
         waypoints[name]["position"] = (-0.03, 0.0, 0.12)
     down = waypoints["above"] | {"name": "dip", "position": (-0.03, 0.0, 0.06), "speed": 0.3, "stop": True,
@@ -58,7 +58,7 @@ def dose(keep: Keep) -> None:
     for waypoint in (held, home):
         waypoint |= {"position": (0.72, 0.165, 0.165), "dwell": 0.2, "speed": 0.1, "acceleration": 1.0}
     over |= {"dwell": 0.0, "speed": 0.1, "acceleration": 1.0}
-    table = config.dose.model_dump() | {"settle": 0.2, "time_limit": 2.0}
+    table = config.dose.model_dump() | {"settle": 0.2, "time_limit": 1.0}
     run(keep, changed("dose_spoon", waypoints=[held, over, home], grasp_time=0.05, least_load=0.0, dose=table))
 
 

@@ -43,7 +43,8 @@ def make_record(out: Path, tree: Path, choice: list[str], again: bool) -> int:
                     write(out, record)
                     names.remove(name)
                     failed += "error" in result
-                    print(f"{result['seconds']:7.1f} s  {name}  {result.get('error', '')}", flush=True)
+                    print(f"{result['seconds']:7.1f} s, {result.get('cpu_seconds', 0.0):.1f} s of processor: {name} "
+                          f"{result.get('error', '')}", flush=True)
     print(f"{len(record['cases'])} cases in {out.name}, {failed} failed; {time.perf_counter() - begin:.0f} s")
     return int(failed > 0)
 

@@ -51,12 +51,11 @@ def learn(keep: Keep, task: str, steps: int) -> None:
     env.close()
 
 
-CASES = [
+CASES = case_of(("f64",), "rollout/sand", roll, "mesh", SAND, materials=True)
+MORE = [
     *case_of(("f64",), "rollout/sand and fluid", roll, "mesh", SAND, LAWS["fluid"], materials=True),
     *case_of(("f64",), "rollout/bowl", roll, "bowl", SAND),
     *case_of(("f32",), "rollout/SpoonPour", learn, "SpoonPour", 10),
-]
-MORE = [
     *case_of(BOTH, "rollout/clay", roll, "mesh", LAWS["clay"], contact="touching"),
     *case_of(BOTH, "rollout/hencky", roll, "mesh", LAWS["hencky"], limit=1e3, window=4),
     *case_of(("f64",), "rollout/corotated", roll, "mesh", LAWS["corotated"], svd=False),
