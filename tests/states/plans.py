@@ -8,7 +8,6 @@ from keep import Keep
 
 import robosim
 
-REHEARSALS = ("spoon", "scoop", "shovel", "bottle", "pick_bottle", "dose_spoon", "dose_bottle")
 COARSE = {"cell": 0.01, "grains_per_cell": 4}
 
 
@@ -63,20 +62,21 @@ def dose(keep: Keep) -> None:
 
 
 CASES = [
-    *(case for name in REHEARSALS for case in case_of(("f32",), f"rehearsal/{name}", begin, name)),
+    *(case for name in ("spoon", "pick_bottle", "dose_spoon") for case in
+      case_of(("f32",), f"rehearsal/{name}", begin, name)),
     *case_of(("f32",), "rehearsal/dip", dip),
-    *case_of(("f32",), "rehearsal/dose", dose),
-    *case_of(("f32",), "plan/learned spoon", plan_only, "spoon", trajectory="learned"),
-    *case_of(("f32",), "plan/ur5e", plan_only, "spoon", robot="ur5e"),
 ]
 MORE = [
+    *(case for name in ("scoop", "shovel", "bottle", "dose_bottle") for case in
+      case_of(("f32",), f"rehearsal/{name}", begin, name)),
+    *case_of(("f32",), "rehearsal/dose", dose),
     *case_of(("f64",), "rehearsal/spoon", begin, "spoon"),
     *case_of(("f64",), "rehearsal/dose_bottle", begin, "dose_bottle"),
     *case_of(("f64",), "rehearsal/dip", dip, model_errors=3, seed=1),
     *(case for name in ("lagged", "one_way") for case in
       case_of(("f32",), f"rehearsal/{name}", begin, "shovel", coupling=name)),
-    *(case for name in ("scoop", "bottle", "shovel") for case in
+    *(case for name in ("spoon", "scoop", "bottle", "shovel") for case in
       case_of(("f32",), f"plan/learned {name}", plan_only, name, trajectory="learned")),
-    *(case for name in ("panda", "xarm7") for case in
+    *(case for name in ("ur5e", "panda", "xarm7") for case in
       case_of(("f32",), f"plan/{name}", plan_only, "spoon", robot=name)),
 ]
