@@ -12,6 +12,9 @@ import robosim  # noqa: F401  (registers the environments)
 
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove", "DoseSpoon", "DoseScoop", "DoseBottle", "DoseShaker", "ScoopTo")
+LONG = ("DoseScoop", "DoseBottle")
+"""Tasks whose first start takes more than a minute to settle: with --full."""
+ALONE = tuple(task for task in TASKS if task not in ("SpoonPour", "SpoonScoop", "DoseSpoon", *LONG))
 WITH_ARM = ("SpoonScoop", "SpoonPour", "BottlePickPour", "ShovelMove", "DoseShaker")
 """Tasks that are usually run with an arm; the others with --full."""
 SENSES = ["tool", "wrist", "height_map", "grains", "goal", "time", "scale", {"name": "depth", "noise_model": "stereo"}]
@@ -85,15 +88,18 @@ def together(keep: Keep, task: str, steps: int, num_envs: int = 3, **options: An
     env.close()
 
 
-CASES = [
-    *(case for task in TASKS for case in case_of(("f32",), f"env/{task}", act, task, 5)),
+CASES = [  # those of a task follow each other: an environment takes over the kernels of an equal one that was closed
+    *case_of(("f32",), "env/SpoonPour", act, "SpoonPour", 5),
+    *case_of(("f32",), "env/state", return_to, "SpoonPour"),
     *case_of(("f32",), "env/senses", act, "SpoonPour", 5, obs=SENSES, latency=0.02, noise=1e-3, dropout=0.1,
              action_delay=0.03, privileged=["grains", "wrist"]),
-    *case_of(("f32",), "env/state", return_to, "SpoonPour"),
     *case_of(("f32",), "batch/SpoonPour", together, "SpoonPour", 5, workers=1),
-    *case_of(("f32",), "env/wide", act, "SpoonScoop", 4, randomize="wide"),
+    *case_of(("f32",), "env/SpoonScoop", act, "SpoonScoop", 5),
     *case_of(("f32",), "script/SpoonScoop", perform, "SpoonScoop"),
+    *case_of(("f32",), "env/wide", act, "SpoonScoop", 4, randomize="wide"),
+    *case_of(("f32",), "env/DoseSpoon", act, "DoseSpoon", 5),
     *case_of(("f32",), "dose/pi", perform, "DoseSpoon", 15, controller="pi"),
+    *(case for task in ALONE for case in case_of(("f32",), f"env/{task}", act, task, 5)),
     *(case for task in WITH_ARM for case in case_of(("f32",), f"arm/{task}", act, task, 2, arm=True)),
     *case_of(("f32",), "arm/panda", act, "SpoonPour", 3, arm=True, robot="panda"),
     *case_of(("f32",), "arm/ur5e", act, "ShovelMove", 3, arm=True, robot="ur5e"),
@@ -102,6 +108,7 @@ CASES = [
     *case_of(("f64",), "env/SpoonPour", act, "SpoonPour", 5),
 ]
 MORE = [
+    *(case for task in LONG for case in case_of(("f32",), f"env/{task}", act, task, 5)),
     *(case for task in TASKS if task not in WITH_ARM for case in
       case_of(("f32",), f"arm/{task}", act, task, 2, arm=True)),
     *case_of(("f32",), "script/ShovelMove", perform, "ShovelMove"),

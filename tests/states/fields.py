@@ -157,9 +157,8 @@ def at(x: float, y: float, z: float) -> mpm.Pose:
 MERGED = ("clay", "hencky", "neo-hookean", "corotated", "mu(I)")
 USUAL = ("sand", "cohesive sand", "fluid by cells")
 CASES = [
-    *(case for name in USUAL for case in case_of(("f64",), f"law/{name}", throw, LAWS[name])),
-    *case_of(("f32",), "law/sand", throw, SAND),
-    *case_of(("f32",), "law/cohesive sand", throw, LAWS["cohesive sand"]),
+    *(case for name in ("sand", "cohesive sand") for case in case_of(BOTH, f"law/{name}", throw, LAWS[name])),
+    *case_of(("f64",), "law/fluid by cells", throw, LAWS["fluid by cells"]),
     *case_of(("f32",), "law/solids", mix, *MERGED),
     *case_of(BOTH, "law/mixture", mix, "sand", "clay", "fluid"),
     *case_of(("f64",), "walls/mixed", throw, SAND, walls=WALLS["mixed"]),
@@ -178,9 +177,8 @@ MORE = [
     *case_of(("f32",), "walls/stick", throw, SAND, walls=WALLS["stick"]),
     *case_of(("f64",), "sleep/off", fall_asleep, False),
     *case_of(("f64",), "strides/none", throw, SAND, transfer_interval=0.0),
-    *(case for name in LAWS if name not in USUAL for case in case_of(("f64",), f"law/{name}", throw, LAWS[name])),
-    *(case for name in (*MERGED, "fluid", "fluid by cells") for case in case_of(("f32",), f"law/{name}", throw,
-                                                                                LAWS[name])),
+    *(case for name in LAWS if name not in USUAL for case in case_of(BOTH, f"law/{name}", throw, LAWS[name])),
+    *case_of(("f32",), "law/fluid by cells", throw, LAWS["fluid by cells"]),
     *(case for name in ("slip", "stick", "roller") for case in
       case_of(("f64",), f"walls/{name}", throw, SAND, walls=WALLS[name])),
     *(case for name in ("slip", "mixed", "roller") for case in
