@@ -4,12 +4,15 @@ When a change of the code renames what is used here, adapt this file alone: try 
 so that both versions of the code are served.
 """
 
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from keep import Keep
 
 import mpm
+import robosim
 
 WALL_TIMES = ("realtime_factor", "time_per", "wall_time", "timings", "cpu", "seconds")
 """Parts of the names of a report's figures that say how long the computer took."""
@@ -27,25 +30,31 @@ def solver_of(env: Any) -> mpm.Solver:
     return env.unwrapped.solver
 
 
+def evaluation_policies() -> Any:
+    """Return the module of the policies that are evaluated; up to 732b661 it was elsewhere."""
+    place = "robosim.studies.evaluation.policies"
+    return import_module(place if find_spec("robosim.studies") else place.replace("studies.", ""))
+
+
+def tool_wall() -> str:
+    """Return the key of a rehearsal's wall thickness of the tool; up to 732b661 it had another name."""
+    fields = robosim.RehearsalConfig.model_fields
+    return "tool_wall" if "tool_wall" in fields else "collision_thickness"
+
+
 def scripted_action(env: Any) -> Any:
     """Return a function that gives the next action of a task's scripted motion."""
-    from robosim.evaluation.policies import make_policy
-
-    return make_policy("scripted", env.unwrapped, 0)
+    return evaluation_policies().make_policy("scripted", env.unwrapped, 0)
 
 
 def dosing_action(env: Any, controller: str) -> Any:
     """Return a function that gives the next action of a bundled controller of doses."""
-    from robosim.evaluation.policies import make_policy
-
-    return make_policy(controller, env.unwrapped, 0)
+    return evaluation_policies().make_policy(controller, env.unwrapped, 0)
 
 
 def dosing_terms() -> list[str]:
     """Return the terms of the observation that controllers of doses read."""
-    from robosim.evaluation.policies import training_options
-
-    return training_options("pi")["obs"]
+    return evaluation_policies().training_options("pi")["obs"]
 
 
 def vector_solvers(env: Any) -> list[mpm.Solver]:
@@ -90,8 +99,9 @@ def run_begin(keep: Keep, plan: Any, steps: int, seed: int = 0) -> None:
     for index in range(steps):
         run.step(index)
     keep_solver(keep, run.solver)
-    keep("qpos", run.data.qpos)
-    keep("qvel", run.data.qvel)
+    data = run.cell.data if hasattr(run, "cell") else run.data  # as it was called up to 732b661
+    keep("qpos", data.qpos)
+    keep("qvel", data.qvel)
     for name in ("torque", "external_torque", "commanded", "reached", "wrist", "residual", "exchanged", "tool_force",
                  "tool_work"):
         keep(f"curves/{name}", run.readings.stack_steps(name))
