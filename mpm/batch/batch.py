@@ -170,7 +170,7 @@ class Batch:
             self._wake(e)
 
     def set_volume(self, e: int, body: int, volume: float) -> None:
-        """Set the volume [m^3] of a body's particles in one environment, as `Solver.set_volume` does."""
+        """Set the volume [m^3] of a body's particles in one environment, as `solver.settings.set_volume` does."""
         with_volume(self._core.scene.bodies[body], volume)
         if self._core.features.sleep:
             self._wake(e)

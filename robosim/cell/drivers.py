@@ -195,7 +195,8 @@ class OwnDriver(MotionDriver):
             if fastest > arm.velocity[k] * (1.0 + ROUNDING):
                 raise self._fault(time, f"commands joint {name} at {fastest:.4g} rad/s",
                                   f"up to {arm.velocity[k]:.4g} rad/s")
-        return JointState(*parts) if is_whole else JointState(parts[0], speed, np.zeros(n))
+        q, qd, qdd = parts if is_whole else (parts[0], speed, np.zeros(n))
+        return JointState(np.asarray(q), np.asarray(qd), np.asarray(qdd))
 
     def _fault(self, time: float, what: str, accepted: str) -> DriverFault:
         return DriverFault(self.name, time, what, accepted)

@@ -1,6 +1,6 @@
 """Materials: configurations with unit and source of every number, and the laws that they stand for."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import pydantic
 
@@ -43,7 +43,7 @@ class MaterialConfig(Table):
         """Return the law of the material."""
         raise NotImplementedError(f"{type(self).__name__} has no law")
 
-    def law_numbers(self) -> dict[str, float]:
+    def law_numbers(self) -> dict[str, Any]:
         """Return the arguments of the law that are numbers, angles with their unit (`friction_angle_deg`)."""
         return {name: getattr(self, key).value for name, key in number_names(self).items()}
 

@@ -47,7 +47,7 @@ class Quantity(Table):
     """Literature, or "assumed: ..." with the reason."""
 
 
-def read(path: Path) -> object:
+def read(path: Path) -> Any:
     """Read a YAML file; raises ConfigError for one that cannot be read, is too large, or gives a key twice."""
     try:
         return parse_yaml(read_text(path))

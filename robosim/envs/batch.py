@@ -96,8 +96,8 @@ class Member:
     def end_action(self, grains: np.ndarray) -> tuple[float, bool, bool, Info]:
         """Observe, unless the simulation diverged; return the action's reward, terminated, truncated and info."""
         sensed = self._observe(self.look(grains)) if self.episode.diverged is None else {}
-        *outcome, info = self.episode.end_action()
-        return *outcome, info | sensed
+        reward, terminated, truncated, info = self.episode.end_action()
+        return reward, terminated, truncated, info | sensed
 
     def look(self, grains: np.ndarray) -> Sight:
         """Return what the terms of the observation see now."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import av
 import mujoco
 import numpy as np
+from av.error import FFmpegError
 from PIL import Image
 
 from mpm.files import write
@@ -91,7 +91,7 @@ def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = No
                 write(folder / SHEET, lambda path: write_contact_sheet(list(frames.values()), list(frames), path))
             if style.poster is not None:
                 _draw_poster(first, folder / POSTER, style)
-        except (OSError, av.FFmpegError) as error:
+        except (OSError, FFmpegError) as error:
             raise FilmFailed(f"no film: {error}") from error
     return folder / name
 
@@ -144,7 +144,7 @@ def _choose(recording: Recording) -> list[tuple[int, str]]:
 def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
     """Draw the first frame at or after a time in 1080p with smooth edges; none where the recording ends before."""
     times = recording.values()[0]
-    k = int(np.searchsorted(times, style.poster))
+    k = int(np.searchsorted(times, style.poster or 0.0))
     if k < len(times):
         with Pictures(recording, style._replace(height=1080), POSTER_SHADOWS, POSTER_SAMPLES) as pictures:
             for earlier in range(k):

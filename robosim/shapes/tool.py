@@ -169,7 +169,8 @@ def tool_shape(tool: str | ToolConfig) -> ToolShape:
     if isinstance(tool, str):
         return _read_bundled(tool)
     paths = [Path(name) for name in (tool.mesh, tool.handle.mesh, tool.inner_face) if name is not None]
-    return _read_tool(tool, tuple(path.stat().st_mtime_ns if path.is_file() else 0 for path in paths))
+    changed = tuple(path.stat().st_mtime_ns if path.is_file() else 0 for path in paths)
+    return _read_tool(tool, changed)  # pyright: ignore[reportArgumentType]  (frozen tables have a hash)
 
 
 @lru_cache
