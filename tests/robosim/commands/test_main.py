@@ -31,9 +31,9 @@ WRONG = {
     "a case": (["report", "vortx", "--out", "x"], "unknown case 'vortx'; valid: .*vortex"),
     "an axis": (["stability", "curant", "--out", "x"], "unknown axis 'curant'; valid: .*courant"),
     "a kind": (["keys", "fork"], "unknown kind 'fork'; valid: .*rehearsal"),
-    "a method": (["train", "dgsac", "SpoonPour", "--out", "x"], "method 'dgsac'; accepted: bc"),
-    "a task to learn": (["train", "sac", "SpoonPuor", "--out", "x"], "task 'SpoonPuor'; accepted: Bottle"),
-    "a task to show": (["demo", "SpoonPuor", "--out", "x"], "task 'SpoonPuor'; accepted: Bottle"),
+    "a method": (["train", "dgsac", "SpoonPour", "--out", "x"], "unknown method 'dgsac'; valid: bc"),
+    "a task to learn": (["train", "sac", "SpoonPuor", "--out", "x"], "unknown task 'SpoonPuor'; valid: Bottle"),
+    "a task to show": (["demo", "SpoonPuor", "--out", "x"], "unknown task 'SpoonPuor'; valid: Bottle"),
     "a pipeline": (["pipeline", "ladle", "--out", "x"], "rehearsal 'ladle'; accepted: bottle"),
 }
 
@@ -131,18 +131,6 @@ def test_numbers_have_bounds(name: str, capsys: pytest.CaptureFixture[str]) -> N
         for bound in (number.least, number.most):
             assert number(f"{bound!r}") == bound
     assert set(sys.modules) == before
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["frames", "SpoonPour", "--out", "x"], "robosim: the command frames is now called rollouts; "),
-    (["demo", "SpoonPour", "--hold", "5", "--out", "x"], "robosim demo: --hold is now called --action-repeat; "),
-    (["train", "gnn_cmaes", "SpoonPour", "--frames=y", "--out", "x"], "robosim train: --frames is now called "
-     "--rollouts; ")], ids=lambda value: value[0] if isinstance(value, list) else "")
-def test_earlier_names_are_refused_with_the_new_one(arguments: list[str], message: str,
-                                                    capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(arguments)
-    assert end.value.code == 2 and capsys.readouterr().err.startswith(message)
 
 
 def test_an_interrupt_that_was_discarded_is_raised_again(monkeypatch: pytest.MonkeyPatch) -> None:
