@@ -18,7 +18,8 @@ def test_grains_in_the_tool_are_not_delivered():
         middle = np.array(tool_shape(name).interior.centre)
         pose = mpm.Pose(np.array(config.area.centre) - middle, np.array([1.0, 0.0, 0.0, 0.0]))
         on_the_area = np.array(config.area.centre) + [0.0, 0.045, 0.0]
-        run = SimpleNamespace(config=config, scooped=np.ones(3, bool), tool_pose=lambda pose=pose: pose,
+        run = SimpleNamespace(config=config, scooped=np.ones(3, bool),
+                              cell=SimpleNamespace(tool_pose=lambda pose=pose: pose),
                               solver=SimpleNamespace(masses=lambda: np.ones(3)))
         fractions = compute_fractions(run, np.array([config.area.centre, on_the_area, [0.0, 0.0, 0.0]]))
         assert (fractions["delivered_fraction"], fractions["retained_fraction"]) == pytest.approx(expected)
