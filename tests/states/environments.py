@@ -15,7 +15,7 @@ TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTransl
 LONG = ("DoseScoop", "DoseBottle")
 """Tasks whose first start takes more than a minute to settle: with --full."""
 ALONE = tuple(task for task in TASKS if task not in ("SpoonPour", "SpoonScoop", "DoseSpoon", *LONG))
-WITH_ARM = ("SpoonScoop", "SpoonPour", "BottlePickPour", "ShovelMove", "DoseShaker")
+WITH_ARM = ("SpoonScoop", "SpoonPour", "BottlePickPour", "ShovelMove")
 """Tasks that are usually run with an arm; the others with --full."""
 SENSES = ["tool", "wrist", "height_map", "grains", "goal", "time", "scale", {"name": "depth", "noise_model": "stereo"}]
 ARM_SENSES = ["joints", "torques", "tool", "wrist", "height_map", {"name": "depth", "camera": "hand_wrist"}]
