@@ -34,7 +34,7 @@ def act(keep: Keep, task: str, steps: int, seed: int = 0, reset: dict[str, Any] 
     env = gymnasium.make(f"robosim/{task}-v0", **options)
     rng = np.random.default_rng(7)
     keep_step(keep, *env.reset(seed=seed, options=reset))
-    keep_solver(keep, solver_of(env), "start")
+    keep("start", solver_of(env).state())  # a ledger is left from what was before
     for _ in range(steps):
         action = (0.6 * rng.uniform(-1.0, 1.0, env.action_space.shape)).astype(np.float32)
         observation, *rest, info = env.step(action)

@@ -95,7 +95,7 @@ def run_begin(keep: Keep, plan: Any, steps: int, seed: int = 0) -> None:
     from robosim.rehearsal.run import RehearsalRun
 
     run = RehearsalRun(plan, seed=seed)
-    keep_solver(keep, run.solver, "start")
+    keep("start", run.solver.state())
     for index in range(steps):
         run.step(index)
     keep_solver(keep, run.solver)
