@@ -22,7 +22,8 @@ as its error, and two versions with the same error are alike. Cases of one group
 A difference in f32 and f64 that is not in ieee comes from the order of operations alone: the compiler has arranged
 another expression of the same formula in another way. Bits also depend on processor and versions of libraries, which
 the record has under "machine" and "versions": compare records of one machine. Caches of settled starts and of
-distances are new in each run, so that what makes them is recorded too; compiled kernels come from Taichi's own cache.
+distances are new in each run, so that what makes them is recorded too; compiled kernels are kept in
+TMPDIR/states_kernels, as Taichi's own cache of 100 MB forgets them when other programs use it too.
 
 internals.py has all that is not public; when a name there changes, change that file alone.
 """

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from groups import BOTH, case_of
-from internals import keep_solver
+from internals import keep_solver, set_volume
 from keep import Keep
 
 import mpm
@@ -74,7 +74,7 @@ def lie(keep: Keep) -> None:
         keep_solver(keep, solver)
         solver.set_gravity(np.array([5.0, 0.0, -8.0]))
         solver.set_material(0, mpm.DruckerPrager(E=1.2e5, nu=0.25, density=1300.0, friction_angle_deg=25.0))
-        getattr(solver, "settings", solver).set_volume(0, 1.1e-7)  # of the solver itself up to 732b661
+        set_volume(solver, 0, 1.1e-7)
         solver.advance(0.04)
         keep_solver(keep, solver)
 

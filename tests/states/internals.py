@@ -14,8 +14,9 @@ from keep import Keep
 import mpm
 import robosim
 
-WALL_TIMES = ("realtime_factor", "time_per", "wall_time", "timings", "cpu", "seconds")
-"""Parts of the names of a report's figures that say how long the computer took."""
+WALL_TIMES = ("realtime_factor", "plan_time_s", "prepare_time_s", "record_time_s", "compile_time_s", "film_wait_time_s",
+              "wall_time_s")
+"""Figures of a report that say how long the computer took."""
 
 
 def keep_solver(keep: Keep, solver: mpm.Solver, name: str = "grains") -> None:
@@ -108,6 +109,11 @@ def run_begin(keep: Keep, plan: Any, steps: int, seed: int = 0) -> None:
     keep("curves/mass in tool", run.readings.stack_grains("mass_in_tool"))
 
 
-def is_wall_time(name: str) -> bool:
-    """Return whether a figure of a report says how long the computer took."""
-    return any(part in name for part in WALL_TIMES)
+def is_wall_time(line: str) -> bool:
+    """Return whether a figure of a report, or a line about one, says how long the computer took."""
+    return any(name in line for name in WALL_TIMES)
+
+
+def set_volume(solver: mpm.Solver, index: int, volume: float) -> None:
+    """Set the volume [m^3] of the particles of a body; up to 732b661 it was a method of the solver itself."""
+    getattr(solver, "settings", solver).set_volume(index, volume)

@@ -25,6 +25,7 @@ def make_record(out: Path, tree: Path, choice: list[str], again: bool) -> int:
     """
     environment = os.environ | ONE_THREAD | {
         "PYTHONPATH": str(tree), "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.setdefault("TI_OFFLINE_CACHE_FILE_PATH", str(Path(tempfile.gettempdir()) / "states_kernels"))
     head = describe(tree, environment)
     record = json.loads(out.read_text()) if out.is_file() else {**head, "cases": {}}
     if record["code"] != head["code"]:
