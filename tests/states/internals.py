@@ -85,7 +85,7 @@ def keep_plan(keep: Keep, plan: Any) -> None:
     keep("plan/waypoints", plan.path.times)
     keep("plan/duration", plan.motion.duration)
     keep("plan/time scale", plan.time_scale)
-    keep("plan/clearance", [plan.clearance.surroundings.distance])
+    keep("plan/clearance", rounded(plan.clearance.surroundings.distance))
     if plan.approach is not None:
         motion = plan.approach.motion
         keep("plan/approach", [motion.state(time).q for time in np.linspace(0.0, motion.duration, 31)])
@@ -107,6 +107,11 @@ def run_begin(keep: Keep, plan: Any, steps: int, seed: int = 0) -> None:
                  "tool_work"):
         keep(f"curves/{name}", run.readings.stack_steps(name))
     keep("curves/mass in tool", run.readings.stack_grains("mass_in_tool"))
+
+
+def rounded(distance: float) -> float:
+    """Return a distance [m] between meshes, whose last bits differ from process to process with places in memory."""
+    return round(distance, 12)
 
 
 def is_wall_time(line: str) -> bool:

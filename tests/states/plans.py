@@ -3,7 +3,7 @@
 from typing import Any
 
 from groups import case_of
-from internals import is_wall_time, keep_plan, run_begin, tool_wall
+from internals import is_wall_time, keep_plan, rounded, run_begin, tool_wall
 from keep import Keep
 
 import robosim
@@ -33,7 +33,9 @@ def changed(name: str, **changes: Any) -> robosim.RehearsalConfig:
 def run(keep: Keep, config: robosim.RehearsalConfig, **options: Any) -> None:
     """Run a rehearsal to its end, and keep what is reported of it."""
     result = robosim.Rehearsal(config).run(**options)
-    keep("figures", {name: value for name, value in result.figures.items() if not is_wall_time(name)})
+    figures = {name: value for name, value in result.figures.items() if not is_wall_time(name)}
+    keep("figures", {name: rounded(value) if name.endswith("clearance_m") and value is not None else value
+                     for name, value in figures.items()})
     keep("missed", [line for line in result.missed if not is_wall_time(line)])
     keep("curves", result.curves)
     keep("positions", result.positions)
