@@ -27,8 +27,9 @@ class Settings:
 
     def set_gravity(self, gravity: np.ndarray) -> None:
         """Set gravity [m/s^2] (3,); wakes all particles."""
-        self._scene.gravity = check_finite("set_gravity", gravity, (3,))
-        self._readings.fields.parameters.gravity[None] = self._scene.gravity
+        checked = check_finite("set_gravity", gravity, (3,))
+        self._readings.fields.parameters.gravity[None] = checked  # first: another thread is refused here
+        self._scene.gravity = checked
         self.wake()
 
     def set_friction(self, index: int, friction: float) -> None:

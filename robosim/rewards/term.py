@@ -29,7 +29,7 @@ class RewardScene(NamedTuple):
 class Step(NamedTuple):
     """One step of `step_dt` of an episode."""
 
-    counts: mpm.Counts
+    counts: "mpm.Counts"  # not loaded where a task is only read
     """Readings of the field at its end."""
     distance: float
     """Sum over the counted grains of their weighted Manhattan distance to the goal [m]."""

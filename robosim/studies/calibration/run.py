@@ -37,10 +37,13 @@ DIGITS = 12
 
 
 class Runs:
-    """Simulations of a folder, kept on the disk: a run that is asked for again is not simulated again."""
+    """Simulations of a folder, kept on the disk: a run that is asked for again is not simulated again.
 
-    def __init__(self, folder: Path, measurements: Measurements) -> None:
-        self._store, self._inputs = Store(folder / ROWS), digest(list_inputs(measurements))
+    inputs: what all of them depend on.
+    """
+
+    def __init__(self, folder: Path, inputs: Any) -> None:
+        self._store, self._inputs = Store(folder / ROWS), digest(inputs)
 
     def simulate(self, trial: Trial, numbers: Numbers, seed: int) -> np.ndarray:
         """Return what a trial would read (n,), stored or simulated."""
@@ -66,7 +69,7 @@ def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings:
     ranges = Ranges.of(measurements.sought)
     with OutputFolder(out) as folder:
         folder.clear((CARD, REFUSED, "calibration.json", "index.html"))
-        store = Runs(folder.path, measurements)
+        store = Runs(folder.path, list_inputs(measurements))
         fitted = [trial for trial in trials if not trial.held_out]
         is_simulated = any(not trial.is_direct for trial in fitted)
         with Progress(total=runs, desc="calibrate", unit="runs", disable=not is_simulated) as progress:

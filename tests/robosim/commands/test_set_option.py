@@ -45,8 +45,8 @@ def test_a_wrong_key_is_refused_before_what_only_the_work_needs_is_loaded(tmp_pa
 
 def test_presets_and_sweeps_are_changed_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["train", "sac", "SpoonPour", "--out", str(tmp_path / "out"), "--set"]
-    for setting, message in (("learnr=PPO", "unknown key 'learnr'; accepted: description, learner"),
-                             ("actor.rat=1", "unknown key 'actor.rat'; accepted: waits, rate"),
+    for setting, message in (("learnr=PPO", "unknown key 'learnr'; valid: description, learner"),
+                             ("actor.rat=1", "unknown key 'actor.rat'; valid: waits, rate"),
                              ("actor.rate=0", "actor.rate: Input should be greater than or equal to 0.000001")):
         assert main([*words, setting]) == 2
         assert message in capsys.readouterr().err

@@ -1,14 +1,12 @@
 """The check on held-out experiments: a correct calibration is rejected as seldom as the bound says."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 pytest.importorskip("sklearn")
 
-from robosim.base.output_folder import OutputFolder
 from robosim.studies.calibration.experiment import Numbers, Trial
 from robosim.studies.calibration.posterior import Posterior
 from robosim.studies.calibration.run import Runs, predict_held_out
@@ -27,7 +25,7 @@ def read(numbers: Numbers, seed: int) -> np.ndarray:
     return numbers["a"] + numbers["b"] * AXIS
 
 
-def rejected_share(count: int, store: Any, *, is_direct: bool, offset: float = 0.0) -> float:
+def rejected_share(count: int, store: Runs, *, is_direct: bool, offset: float = 0.0) -> float:
     """Share of calibrations of known numbers whose held-out experiment is said not to be predicted."""
     rng, rejected = np.random.default_rng(3), 0
     for k in range(count):
@@ -45,12 +43,10 @@ def rejected_share(count: int, store: Any, *, is_direct: bool, offset: float = 0
 def test_correct_calibrations_are_rejected_as_seldom_as_the_bound_says(is_direct: bool, count: int, tmp_path: Path
                                                                        ) -> None:
     """At most as many as the binomial distribution exceeds with a probability of about 1 %."""
-    with OutputFolder(tmp_path / "out") as folder:
-        share = rejected_share(count, Runs(folder, "key"), is_direct=is_direct)
+    share = rejected_share(count, Runs(tmp_path, "key"), is_direct=is_direct)
     assert share <= LEAST_PROBABILITY + 2.5 * np.sqrt(LEAST_PROBABILITY / count)
 
 
 def test_a_misfit_that_no_numbers_give_is_rejected(tmp_path: Path) -> None:
     """Readings off by three of their errors in a shape that the numbers do not have."""
-    with OutputFolder(tmp_path / "out") as folder:
-        assert rejected_share(20, Runs(folder, "key"), is_direct=True, offset=3 * ERROR) > 0.9
+    assert rejected_share(20, Runs(tmp_path, "key"), is_direct=True, offset=3 * ERROR) > 0.9

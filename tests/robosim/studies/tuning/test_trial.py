@@ -24,12 +24,13 @@ class Environment:
         self.stored: list[int] = []
         self.is_closed = False
 
-    def reset(self, seed: int) -> None:
+    def reset(self, *, seed: int, options: None) -> tuple[None, dict[str, Any]]:
         if seed == self.fails:
             raise RuntimeError("killed")
         self.seeds.append(seed)
         self.stored.append(len(list(self.path.glob("*.json"))))
         self.steps = 0
+        return None, {}
 
     def step(self, action: float) -> tuple[Any, ...]:
         self.steps += 1
@@ -52,7 +53,7 @@ def run(path: Path) -> list[dict[str, Any]]:
 def use(monkeypatch: pytest.MonkeyPatch, env: Environment) -> Environment:
     monkeypatch.setattr(trial, "load_task", lambda name: None)
     monkeypatch.setattr(trial, "make_environment", lambda task, start, obs: env)
-    monkeypatch.setattr(trial, "DosingPolicy", lambda name, env, numbers: lambda: 0.0)
+    monkeypatch.setattr(trial, "DosingPolicy", lambda name, env, numbers: lambda observation: 0.0)
     return env
 
 
