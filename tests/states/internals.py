@@ -5,7 +5,7 @@ so that both versions of the code are served.
 """
 
 from importlib import import_module
-from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ def solver_of(env: Any) -> mpm.Solver:
 def evaluation_policies() -> Any:
     """Return the module of the policies that are evaluated; up to 732b661 it was elsewhere."""
     place = "robosim.studies.evaluation.policies"
-    return import_module(place if find_spec("robosim.studies") else place.replace("studies.", ""))
+    return import_module(place if Path(robosim.__path__[0], "studies").is_dir() else place.replace("studies.", ""))
 
 
 def tool_wall() -> str:
