@@ -1,7 +1,5 @@
 """Files of arrays, read within bounds on size and memory.
-
-What a file says about itself (lengths, shapes) is compared with what is there before memory is taken.
-"""
+What a file says about itself (lengths, shapes) is compared with what is there before memory is taken."""
 
 import math
 import re
@@ -82,10 +80,8 @@ class StoredArrays(dict[str, np.ndarray]):
 
 def read_arrays(path: Path, most: int = MAX_ARRAYS, names: Iterable[str] | None = None) -> StoredArrays:
     """Read the arrays of a .npz file, or those of the names given that it has.
-
     Raises InvalidValue for a file that is damaged, whose arrays take more than `most` bytes, or whose headers promise
-    other sizes than the file has; OSError where it cannot be opened.
-    """
+    other sizes than the file has; OSError where it cannot be opened."""
     size = path.stat().st_size  # raises OSError where there is no file
     if not path.is_file() or size > most:
         raise InvalidValue(f"{path}: has {size} bytes; accepted: a .npz file of up to {most}")

@@ -112,10 +112,8 @@ class SimulationDiverged(MpmError):
     diagnostics: object = None
     state: Any = None
 
-    def __init__(
-        self, *, time: float, step: int, particle: int, position: tuple[float, ...], speed: float, cfl: float,
-        collider: int | None = None,
-    ) -> None:
+    def __init__(self, *, time: float, step: int, particle: int, position: tuple[float, ...], speed: float, cfl: float,
+                 collider: int | None = None) -> None:
         self.time, self.step, self.particle = time, step, particle
         self.position, self.speed, self.cfl, self.collider = position, speed, cfl, collider
         whose = "" if collider is None else f"the motion of collider {collider} is not finite; fastest grain: "

@@ -14,9 +14,7 @@ def temporary_path(path: Path) -> Path:
 
 def write(path: Path, writer: Callable[[Path], object]) -> None:
     """Call `writer` with a temporary path in the same folder, flush that file to the disk and rename it to `path`.
-
-    Whatever `writer` raises, or the disk (OSError), `path` stays as it was and no temporary file is left.
-    """
+    Whatever `writer` raises, or the disk (OSError), `path` stays as it was and no temporary file is left."""
     temporary = temporary_path(path)
     try:
         writer(temporary)

@@ -44,11 +44,9 @@ class Solver:
     set.
     """
 
-    def __init__(
-        self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
-        gravity: tuple[float, float, float] = DOWN, walls: Walls | None = None,
-        body_acceleration: np.ndarray | None = None, **numerics: Any,
-    ) -> None:
+    def __init__(self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
+                 gravity: tuple[float, float, float] = DOWN, walls: Walls | None = None,
+                 body_acceleration: np.ndarray | None = None, **numerics: Any) -> None:
         scene = Scene(grid, bodies, colliders or [], Walls() if walls is None else walls, np.asarray(gravity))
         self.numerics = Numerics(**numerics).chosen(scene.bodies)
         warn_of_scene(scene)
@@ -176,10 +174,9 @@ class Solver:
         """
         self.paths.set(index, begin, ends, jump)
 
-    def set_collider_mobility(
-        self, index: int, W: np.ndarray, free_twist: np.ndarray, *, twist: np.ndarray | None = None,
-        pose: Pose | None = None, centre: np.ndarray | None = None, others: dict[int, np.ndarray] | None = None,
-    ) -> None:
+    def set_collider_mobility(self, index: int, W: np.ndarray, free_twist: np.ndarray, *,
+                              twist: np.ndarray | None = None, pose: Pose | None = None,
+                              centre: np.ndarray | None = None, others: dict[int, np.ndarray] | None = None) -> None:
         """Set how a mobile collider responds to contact in the next advance, and how it moves without contact.
 
         W: mobility (6, 6): change of twist (linear, angular) per impulse (same order), in world axes about `centre`,

@@ -38,9 +38,7 @@ def update_nodes_back(a: ti.template(), step: ti.template()):
 @ti.func
 def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
     """Return the adjoint of a node's velocity before contact with the static colliders and then with the tool.
-
-    Whether the node's material touches a face is taken as it is.
-    """
+    Whether the node's material touches a face is taken as it is."""
     v, v_bar, static_normal, owner = before, bar, 0.0 * before, 0
     J = in_first_layer(a.fields.grid, I)
     if ti.static(len(a.fields.features.static_colliders) > 0):
@@ -70,9 +68,8 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
                                                             a.fields.colliders[index].sdf, R, y, n_t, phi)
                         touches = normal.norm_sqr() > 0
                 if touches:
-                    v_bar, surface_bar, normal_bar = coulomb_back(
-                        v, surface_velocity(step.motion, 0, step.row, r), normal,
-                        a.fields.parameters.frictions[index], v_bar)
+                    v_bar, surface_bar, normal_bar = coulomb_back(v, surface_velocity(step.motion, 0, step.row, r),
+                                                                  normal, a.fields.parameters.frictions[index], v_bar)
                     if ti.static(a.fields.features.touching):
                         if (normal != R @ n_there).any():  # the material's, which the tool does not turn
                             material_normal_back(a, step.place, I, normal, normal_bar)
@@ -104,10 +101,8 @@ def material_normal_back(a: ti.template(), k, I, normal, normal_bar):
 @ti.func
 def stop_penetration_back(a: ti.template(), step: ti.template()):
     """Adjoint of `stop_penetration`, on the adjoints of velocity and position of particles that have moved.
-
     The particles hold the positions before the move, the nodes their velocities; leaves in `a.after` what particles
-    near the tool had before the correction.
-    """
+    near the tool had before the correction."""
     if step.span > 0:
         for index in ti.static(a.fields.features.moving_solids):
             stop_at_tool_back(a.fields, a.fields.particles, a.bars, a.after, index, step.motion, step.row,

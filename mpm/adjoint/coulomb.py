@@ -30,9 +30,7 @@ def coulomb_back(v, surface, normal, friction, bar):
 def surface_back(fields: ti.template(), index: ti.template(), motion: ti.template(), motion_bar: ti.template(),
                  s: ti.i32, R, r, y, n_t, surface_bar, normal_bar, phi_bar):
     """Add the adjoints of a surface's velocity, normal and distance at r from its origin to those of the tool's motion.
-
-    Returns the adjoint of r.
-    """
+    Returns the adjoint of r."""
     angular = ti.Vector([motion[0, s, ANGULAR + c] for c in ti.static(range(3))])
     y_bar = fields.colliders[index].sdf.at_back(y, R.transpose() @ normal_bar, phi_bar, fields.real)
     r_bar = surface_bar.cross(angular) + R @ y_bar

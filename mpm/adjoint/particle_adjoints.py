@@ -9,9 +9,7 @@ from mpm.state.particles import ParticleFields
 
 class ParticleAdjoints:
     """A field for the adjoint of every field of the state, under the same names, zero at first.
-
-    The remainder has none: it is part of the position, whose derivative does not know the resolution.
-    """
+    The remainder has none: it is part of the position, whose derivative does not know the resolution."""
 
     def __init__(self, particles: ParticleFields, precision: str) -> None:
         self._named = {name: [ti.Vector.field(LANES, real_type(precision), particles.n_packs) for _ in fields]

@@ -1,7 +1,5 @@
 """Adjoint of contact with a shell, of nodes and of particles that would enter it, to the motion of the tool.
-
-It is constant in the derivative on which side of the shell nodes and particles are.
-"""
+It is constant in the derivative on which side of the shell nodes and particles are."""
 
 from mpm.adjoint.coulomb import coulomb_back, surface_back
 from mpm.adjoint.side_layers import layers_of, side_of
@@ -18,9 +16,7 @@ from mpm.state.stencil import NodeValues, gather, moments, weights
 @ti.func
 def collide_with_shell_back(a: ti.template(), step: ti.template(), I, J, v, corner, bar):
     """Return the adjoint of a node's velocity before `collide_with_shell`; J: the node in the first layer.
-
-    The normal is that of the begin of the stride, the velocity of the surface that of the substep.
-    """
+    The normal is that of the begin of the stride, the velocity of the surface that of the substep."""
     v_bar, side = bar, a.fields.shells.side[J]
     if side != 0:
         gap = a.fields.shells.gap[J]
@@ -33,9 +29,8 @@ def collide_with_shell_back(a: ti.template(), step: ti.template(), I, J, v, corn
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
                 place = ti.cast(position(J, corner, a.fields.cell), a.fields.real)
                 r = place - collider_origin(step.motion, row, step.row)
-                v_bar, surface_bar, normal_bar = coulomb_back(
-                    v, surface_velocity(step.motion, row, step.row, r), normal, a.fields.parameters.frictions[index],
-                    bar)
+                v_bar, surface_bar, normal_bar = coulomb_back(v, surface_velocity(step.motion, row, step.row, r),
+                                                              normal, a.fields.parameters.frictions[index], bar)
                 R = collider_axes(step.motion, row, step.row)
                 y = R.transpose() @ r
                 surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, 0.0 * y, surface_bar,
@@ -53,10 +48,8 @@ def collide_with_shell_back(a: ti.template(), step: ti.template(), I, J, v, corn
 @ti.func
 def stop_at_shells_back(a: ti.template(), step: ti.template()):
     """Adjoint of `stop_at_shells`, on the adjoints of velocity and position of particles that have moved.
-
     The particles hold the positions before the move, the nodes their velocities; leaves in `a.after` what particles
-    with a side had before they were stopped.
-    """
+    with a side had before they were stopped."""
     if step.span > 0:
         dt = drift_after(step.dt, step.span)
         for q in range(a.fields.particles.pack_count[None]):

@@ -21,10 +21,8 @@ SWEEPS = {"f32": 4, "f64": JACOBI_SWEEPS}
 
 class ForwardIntermediates:
     """Intermediate values of the constitutive update of every pack, which its adjoint needs.
-
     svd: divided differences as autodiff through a singular value decomposition forms them. soft: relative width over
-    which derivatives take the yield surface for smooth.
-    """
+    which derivatives take the yield surface for smooth."""
 
     def __init__(self, laws: tuple[Material, ...], n_packs: int, precision: str, *, svd: bool = False,
                  soft: float = 0.0) -> None:
@@ -94,10 +92,8 @@ def read_expansion(P: ti.template(), law: ti.template(), q):
 def stress_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.template(), q, dt, C: ti.template(),
                 p: ti.template()):
     """Turn the adjoints of pack q's state after the substep, in B, into those before it.
-
     P holds the state before, T what `recompute` stored and the adjoint of the stress. Returns the adjoints of C (nine)
-    and of the law's parameters.
-    """
+    and of the law's parameters."""
     tau_bar = read_list(T.tau, q)
     if ti.static(law.state == "volume"):
         j_bar, C_bar, p_bar = law.stress_back(once(T.j[0][q]), C, p, tau_bar)
@@ -111,8 +107,7 @@ def stress_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.te
         return C_bar, p_bar
     else:
         trial_bar, p_bar = trial_back(P, B, T, law, q, dt, p, tau_bar)
-        e_bar, a_bar = advance_back([once(P.e[i][q]) for i in range(6)], [once(dt * C[i]) for i in range(9)],
-                                    trial_bar)
+        e_bar, a_bar = advance_back([once(P.e[i][q]) for i in range(6)], [once(dt * C[i]) for i in range(9)], trial_bar)
         write_list(B.e, q, e_bar)
         return [once(dt * a_bar[i]) for i in range(9)], p_bar
 

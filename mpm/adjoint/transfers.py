@@ -27,13 +27,10 @@ STRAINS = 15
 def add_offset_bars(products: ti.template(), nodes: ti.template(), layers: ti.template(), real: ti.template(),
                     base: ti.template(), q0, a0, a1, a2, w: ti.template(), d: ti.template()):
     """Store the derivatives, by the offsets, of the sum of w(node) (q0 + a0 i + a1 j + a2 k) . nodes[node].
-
     layers: which node a place means, see `layers_of`. w, d: weights and their slopes, 3 axes x 3. Stores four products
     an axis, not yet summed. They go through memory: a sum over a vector's entries right after it was found makes the
-    compiler take the whole transfer apart into scalars (620 ns instead of 470 for a substep and particle).
-    """
-    _total, by_x, by_y, by_z = gather(ti.static(AffineProducts(nodes, layers, q0, a0, a1, a2)), base, real, w, d,
-                                      0)
+    compiler take the whole transfer apart into scalars (620 ns instead of 470 for a substep and particle)."""
+    _total, by_x, by_y, by_z = gather(ti.static(AffineProducts(nodes, layers, q0, a0, a1, a2)), base, real, w, d, 0)
     products[0] = by_x
     products[1] = by_y
     products[2] = by_z
@@ -42,9 +39,7 @@ def add_offset_bars(products: ti.template(), nodes: ti.template(), layers: ti.te
 @ti.func
 def gather_back(a: ti.template(), step: ti.template()):
     """Adjoint of `gather_packs`: adds to the adjoints of node velocities, sets those of the positions before.
-
-    The particles hold the positions before, `a.after` velocities and positions after, `a.bars` the adjoints after.
-    """
+    The particles hold the positions before, `a.after` velocities and positions after, `a.bars` the adjoints after."""
     gather_body_back(a, a.fields, a.fields.particles, a.bars, a.after, drift_after(step.dt, step.span))
 
 
@@ -113,9 +108,7 @@ def scatter_body_back(a: ti.template(), fields: ti.template(), P: ti.template(),
 def transfer_back(a: ti.template(), fields: ti.template(), P: ti.template(), B: ti.template(), tau: ti.template(),
                   density, force_per_volume, first, last):
     """Adjoint of `scatter_pack`: adds to B.x, sets B.v and B.C, and replaces the stress tau by its adjoint.
-
-    density: [kg/m^3], 0 where momentum and mass were not transferred.
-    """
+    density: [kg/m^3], 0 where momentum and mass were not transferred."""
     zero = fields.parameters.zero[None]
     for slot in range(LANES * first, LANES * last):
         q, l = slot // LANES, slot % LANES

@@ -1,7 +1,5 @@
 """Adjoint of the walls: of folding ghosts to their mirror nodes, and of unfolding them again.
-
-Unfolding overwrites the nodes that its adjoint depends on; a tape records them for each column.
-"""
+Unfolding overwrites the nodes that its adjoint depends on; a tape records them for each column."""
 
 from mpm.backend import real_type, ti
 from mpm.boundaries.wall_ghosts import column, folded_earlier, mirror, normal4, on_plane, unit

@@ -54,9 +54,7 @@ _waiting: list[Callable[[], None]] = []
 @contextlib.contextmanager
 def allocating() -> Iterator[Group]:
     """Lay out all fields made inside as one group; nothing inside may read or launch.
-
-    After an error inside nothing is left. Raises BackendError where the process has no room for another group.
-    """
+    After an error inside nothing is left. Raises BackendError where the process has no room for another group."""
     global _present
     if _present is not None:  # part of a larger group
         yield _present

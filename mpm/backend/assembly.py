@@ -1,9 +1,7 @@
 """Fields and kernels that outlive their solver: an equal scene takes them over, and compiles nothing.
-
 Taichi compiles a kernel for the very fields that it was first called with, and keeps it until the process ends. So a
 solver gives its fields back when it is closed or no longer used, and the next solver of an equal scene takes them. What
-nobody has taken over is freed once it exceeds `IDLE_BYTES`, the longest unused first.
-"""
+nobody has taken over is freed once it exceeds `IDLE_BYTES`, the longest unused first."""
 
 import gc
 import weakref
@@ -20,9 +18,7 @@ IDLE_BYTES = 500_000_000
 
 class Assembly:
     """The fields of a scene, and what else was laid out or compiled for them.
-
-    key: what two scenes share that can share an assembly. precision: of literals in what is compiled.
-    """
+    key: what two scenes share that can share an assembly. precision: of literals in what is compiled."""
 
     def __init__(self, key: Hashable, precision: str) -> None:
         self.key, self.precision, self._program = key, precision, present_program()

@@ -18,10 +18,8 @@ _is_reported = False
 
 def writable_folder(wanted: Path | None, name: str) -> Path:
     """Return the folder `wanted`, or where it cannot be written one of this name in a temporary folder.
-
     wanted: None where the environment names no folder. The first temporary one in a process is reported on stderr.
-    Raises OSError where no temporary folder can be written either.
-    """
+    Raises OSError where no temporary folder can be written either."""
     global _is_reported
     try:
         if wanted is None:
@@ -53,9 +51,7 @@ def user_cache_folder() -> Path | None:
 
 def remove_stale_lock(folder: Path) -> None:
     """Remove a lock that a killed process left in a folder of compiled kernels, and say so on stderr.
-
-    With such a lock Taichi 1.7 neither reads nor stores kernels, for ever and without a word.
-    """
+    With such a lock Taichi 1.7 neither reads nor stores kernels, for ever and without a word."""
     lock = folder / KERNEL_LOCK
     try:
         age = time.time() - lock.stat().st_mtime
@@ -82,9 +78,7 @@ def _check(folder: Path) -> None:
 
 def _temporary_folder() -> Path:
     """Return a temporary folder that only this user can write, the same in all processes where that is safe.
-
-    Cached kernels are run, so that a folder which another user made or can write is not used.
-    """
+    Cached kernels are run, so that a folder which another user made or can write is not used."""
     if not hasattr(os, "getuid"):  # Windows: temporary folders are the user's own
         return Path(tempfile.gettempdir()) / "robosim-cache"
     folder = Path(tempfile.gettempdir()) / f"robosim-cache-{os.getuid()}"

@@ -1,9 +1,7 @@
 """Repeated launches of a kernel, without what Taichi does in Python for every argument.
-
 In every launch Taichi 1.7 looks up the compiled kernel, and checks and converts each argument: 60 us for the twelve of
 an advance, in which a substep of 600 particles is computed. A `Launcher` uses the memory of the last launch's arguments
-again and takes 8 us.
-"""
+again and takes 8 us."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,10 +16,8 @@ NUMBERS = {"set_arg_int": int, "set_arg_float": float}
 
 class Launcher:
     """Launches one kernel of one object, and is called as the kernel itself.
-
     kernel: as it stands in the object's class. Arguments are contiguous arrays, and numbers. Taichi compiles a version
-    of the kernel for each combination of the arrays' types and dimensions. The first launch of each is Taichi's own.
-    """
+    of the kernel for each combination of the arrays' types and dimensions. The first launch of each is Taichi's own."""
 
     def __init__(self, owner: Any, kernel: Callable[..., None]) -> None:
         self._owner, self._kernel = owner, kernel._primal  # type: ignore[attr-defined]

@@ -1,9 +1,7 @@
 """The thread that owns the backend: any other, and a forked process, is refused before Taichi is touched.
-
 Taichi 1.7 lays out fields only in the thread that started it, and its kernels share buffers. A forked process has a
 copy of its memory without its worker threads, for which a launch there would wait for ever. It can start the backend
-again and make fields of its own; those of the process that it was forked from are refused.
-"""
+again and make fields of its own; those of the process that it was forked from are refused."""
 
 import ctypes
 import os
@@ -16,9 +14,7 @@ ADVICE = 'processes started with context="spawn", or gymnasium.make_vec("robosim
 
 class Lost:
     """What a field holds in a forked process in place of its memory: each use raises an error.
-
-    error: the type that is raised.
-    """
+    error: the type that is raised."""
 
     def __init__(self, error: type[Exception]) -> None:
         self._error, self.uses = error, 0
@@ -34,9 +30,7 @@ class Lost:
 
 class Owner:
     """Knows the thread that started the backend, and all fields.
-
-    lang: Taichi's package `lang`, whose launches and reads ask here first. error: the type that is raised.
-    """
+    lang: Taichi's package `lang`, whose launches and reads ask here first. error: the type that is raised."""
 
     def __init__(self, lang: Any, error: type[Exception]) -> None:
         self.thread: threading.Thread | None = None
@@ -64,9 +58,7 @@ class Owner:
 
     def check_start(self, by_name: bool) -> None:
         """Raise the error where the backend cannot be started from this thread or in this process.
-
-        by_name: `init` was called, and not a solver made, which starts it in the main thread only.
-        """
+        by_name: `init` was called, and not a solver made, which starts it in the main thread only."""
         if self._cannot_start:
             raise self._error(f"this process was forked {self._cannot_start}; accepted: {ADVICE}")
         if not by_name and threading.current_thread() is not threading.main_thread():

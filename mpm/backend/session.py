@@ -195,10 +195,8 @@ def present_program() -> Any:
 @contextlib.contextmanager
 def default_precision(precision: str) -> Iterator[None]:
     """Compile what is launched inside with literals of this precision.
-
-    Taichi gives a literal such as 1/3 the session's precision, so that a double-precision solver in a
-    single-precision session would compute with constants good to 1e-8.
-    """
+    Taichi gives a literal such as 1/3 the session's precision, so that a double-precision solver in a single-precision
+    session would compute with constants good to 1e-8."""
     runtime = ti.lang.impl.get_runtime()
     before = runtime.default_fp
     runtime.default_fp = real_type(precision)

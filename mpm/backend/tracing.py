@@ -1,9 +1,7 @@
 """Cached source lookups for Taichi's tracer.
-
 Taichi 1.7 traces a function again at every call and an unrolled loop in every turn, and each time looks up and wraps
 the source text for error messages that are rarely shown. With the lookups cached, tracing takes half as long, and the
-messages stay as they are.
-"""
+messages stay as they are."""
 
 import functools
 import textwrap

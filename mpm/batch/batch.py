@@ -1,8 +1,6 @@
 """Several environments of one scene in one launch: their states lie in a bank and are swapped through shared fields.
-
 Grid, colliders and kernel are shared, so that one more environment costs its particles' state and no more; what is
-added to the work is a copy of that state there and back.
-"""
+added to the work is a copy of that state there and back."""
 
 from typing import NamedTuple
 
@@ -73,11 +71,9 @@ class BatchStepper(CpuStepper):
                 results: ti.types.ndarray(), per_particle: ti.types.ndarray(), sampled: ti.types.ndarray(),
                 readings: ti.i32):
         """Run every environment by its plan (n, 6).
-
         dts: [s] (n,). numbers: those of `EnvironmentNumbers`. out: zero before and after; results (n, rows, 6) hold
-        what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in
-        `CpuStepper.run`, one environment after another.
-        """
+        what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in `CpuStepper.run`, one
+        environment after another."""
         ti.loop_config(serialize=True)
         for e in range(self.n):
             substeps, row, interval, done, stamp, max_stride = [plans[e, i] for i in ti.static(range(6))]

@@ -7,10 +7,8 @@ from mpm.geometry.rigid_motion import ANGULAR, AXES, LINEAR, ORIGIN
 @ti.func
 def coulomb(v, surface, normal, friction):
     """Return the velocity after contact with a moving surface: no approach, Coulomb friction up to sticking.
-
-    v, surface: velocities [m/s] (3,). normal: unit vector (3,) out of the surface.
-    Source: Stomakhin et al. 2013, ACM TOG 32(4):102, section 8.
-    """
+    v, surface: velocities [m/s] (3,). normal: unit vector (3,) out of the surface. Source: Stomakhin et al. 2013, ACM
+    TOG 32(4):102, section 8."""
     relative = v - surface
     approach = relative.dot(normal)
     result = v

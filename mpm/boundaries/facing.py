@@ -1,11 +1,9 @@
 """Contact state of a node next to a solid: whether its material touches a face of the solid.
-
 A node carries the mass of all particles within 1.5 cells. Beside a block that lies flush on a bed, nodes at the level
 of the bed's surface carry the bed's mass: if it were stopped at the block's side, the bed would hold the block.
 Material touches a face if the nodes' mass grows along the face's normal, as in front of a wall, and if the estimated
 surface of the material lies at the face. It does not touch a face beyond a sharp edge. A node lighter than a fraction
-`LIGHT_NODE` of its heaviest neighbour takes that neighbour's contact state.
-"""
+`LIGHT_NODE` of its heaviest neighbour takes that neighbour's contact state."""
 
 from mpm.backend import ti
 from mpm.boundaries.periodic import home_node
@@ -47,9 +45,7 @@ GRID_NODES = GridNodes()
 @ti.func
 def is_at_edge(solid: ti.template(), y, normal, phi, cell: ti.template()):
     """Return whether the place of a solid that is closest to y (3,), outside at the distance phi, lies on an edge.
-
-    normal: of the solid at y, in its frame, as y.
-    """
+    normal: of the solid at y, in its frame, as y."""
     result = False
     if phi > 0:
         _n, inner = solid.at(y - normal * (phi + BEHIND * cell))
@@ -60,9 +56,7 @@ def is_at_edge(solid: ti.template(), y, normal, phi, cell: ti.template()):
 @ti.func
 def node_mass(fields: ti.template(), nodes: ti.template(), k, I, stamp):
     """Return the mass [kg] of a node in a substep, negative where it was folded at a wall.
-
-    nodes: values of nodes, such as `GridNodes`; k: number of the substep in its stride.
-    """
+    nodes: values of nodes, such as `GridNodes`; k: number of the substep in its stride."""
     mass = ti.cast(0.0, fields.real)
     J = I
     if ti.static(fields.is_periodic):
@@ -75,9 +69,7 @@ def node_mass(fields: ti.template(), nodes: ti.template(), k, I, stamp):
 @ti.func
 def masses_about(fields: ti.template(), nodes: ti.template(), k, I, stamp):
     """Return the masses [kg] of node I, and of the next nodes above and below it along each axis (3,).
-
-    stamp: of the substep, which the block of a node with mass has.
-    """
+    stamp: of the substep, which the block of a node with mass has."""
     here = node_mass(fields, nodes, k, I, stamp)
     above, below = ti.Vector.zero(fields.real, 3), ti.Vector.zero(fields.real, 3)
     for d in ti.static(range(3)):
@@ -123,9 +115,7 @@ def material_along(normal, here, above, below):
 @ti.func
 def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal, phi):
     """Return whether the material of node I touches a face of normal (3,) at the distance phi [m], away from edges.
-
-    nodes, k: see `node_mass`.
-    """
+    nodes, k: see `node_mass`."""
     J, here, above, below = deciding_node(fields, nodes, k, I)
     is_facing, cells = material_along(normal, here, above, below)
     cells += normal.dot(ti.cast(J - I, fields.real))
@@ -135,12 +125,10 @@ def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal, ph
 @ti.func
 def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.template(), R, y, n_t, phi):
     """Return the normal (3,) of the face of a solid that the material of node I touches, zero where it touches none.
-
     R: axes of the solid; y, n_t, phi: the node, the normal and the distance [m] there in its frame. nodes, k: see
     `node_mass`. Inside a solid the closest face can be one without material: then the face that the material's own
     surface looks from decides. Returns as well the vector [m] in the solid's frame to the node that decides, and the
-    solid's normal there.
-    """
+    solid's normal there."""
     J, here, above, below = deciding_node(fields, nodes, k, I)
     way, n_there, distance = 0.0 * y, n_t, phi
     if (J != I).any():

@@ -1,12 +1,10 @@
 """Colliders that contact moves: their twist and the velocities of the nodes they touch are solved for together.
-
 In every substep the nodes inside a mobile collider are listed instead of being stopped one by one. With p(V) the
 impulses that Coulomb contact with a collider of twist V gives the nodes, and W its mobility, V = V* - W sum G^T p(V) is
 solved by Newton's method in six unknowns, whatever the number of nodes: no mass ratio is too large for it. The same
 impulses then act on both, so that what the grains gain the collider loses, to rounding. (The reduction of a body's
 contacts to six unknowns follows Batty et al. 2007, ACM TOG 26(3):100, and Daviet and Bertails-Descoubes 2016, ACM TOG
-35(4):102.)
-"""
+35(4):102.)"""
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import coulomb, coulomb_slope
@@ -221,9 +219,7 @@ def solve_contact(fields: ti.template(), step: ti.template(), corner):
 @ti.func
 def solve_twist(fields: ti.template(), step: ti.template(), b: ti.template(), index: ti.template(), corner):
     """Return the twist (6,) of a collider after contact, by Newton's method that halves steps which overshoot.
-
-    Keeps the largest residual of the advance, relative to the change of the twist by contact, see SMALL_CHANGE.
-    """
+    Keeps the largest residual of the advance, relative to the change of the twist by contact, see SMALL_CHANGE."""
     start = ti.Vector([step.mobile[b, TWIST + i] for i in ti.static(range(6))])
     radius = ti.static(min(fields.colliders[index].sdf.radius, 1.0))
     V, best, move = start, start, start * 0.0
@@ -282,9 +278,7 @@ def solve_mobile_contact(fields: ti.template(), step: ti.template(), first, last
 @ti.func
 def reduce_by_compliance(fields: ti.template(), step: ti.template(), index: ti.template(), place, mass, dv):
     """Return the part of a particle's change of velocity that is left when its collider moves; move the collider.
-
-    place: [m] (3,) in double precision. mass: [kg]. dv: [m/s] (3,) that a fixed collider would cause.
-    """
+    place: [m] (3,) in double precision. mass: [kg]. dv: [m/s] (3,) that a fixed collider would cause."""
     b = ti.static(fields.mobile_place[index])
     size = ti.cast(dv, ti.f64).norm(1e-30)
     compliance = contact_compliance(fields, step.mobile, b, place, ti.cast(dv, ti.f64) / size)

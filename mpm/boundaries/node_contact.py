@@ -22,9 +22,7 @@ def cache_static_contact(static_contact: ti.template(), shape: ti.template(), ow
                          pose: ti.types.ndarray(), origin: ti.types.vector(3, ti.f64), cell: ti.f64,
                          on_gpu: ti.template(), skips_edges: ti.template()):
     """Store normal and distance (n, phi) of a collider that never moves, at the nodes inside it or on its face.
-
-    is_first: what the nodes held before is forgotten.
-    """
+    is_first: what the nodes held before is forgotten."""
     ti.loop_config(serialize=not on_gpu)
     for block in ti.grouped(static_contact.owned):
         if is_first > 0:
@@ -125,10 +123,8 @@ def collide_with_static(fields: ti.template(), step: ti.template(), I, before, m
 @ti.func
 def collide_with_shell(fields: ti.template(), step: ti.template(), I, J, v, mass, place):
     """Return the velocity of a node's material after contact with the closest shell; credit the shell.
-
     The second layer holds what the shell separates from the node, the first what is on the node's own side; that meets
-    the shell only where the node lies on its face or behind.
-    """
+    the shell only where the node lies on its face or behind."""
     result = v
     side = fields.shells.side[J]
     if side != 0:

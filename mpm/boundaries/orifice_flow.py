@@ -148,9 +148,7 @@ def patch_radius(fields: ti.template(), holes: ti.template(), h):
 def receding_velocity(fields: ti.template(), holes: ti.template(), step: ti.template(), index: ti.template(), place,
                       material):
     """Return the velocity [m/s] (3,) at which a shell's face recedes at a node, besides that of the shell.
-
-    place: of the node [m] (3,). material: sign of the side on which the node's material is.
-    """
+    place: of the node [m] (3,). material: sign of the side on which the node's material is."""
     velocity = ti.Vector.zero(fields.real, 3)
     for row, collider, begin, end in ti.static(fields.features.orifice_rows):
         if ti.static(collider == index):
@@ -171,10 +169,8 @@ def receding_velocity(fields: ti.template(), holes: ti.template(), step: ti.temp
 @ti.func
 def find_next(fields: ti.template(), P: ti.template(), index: ti.template(), h, centre, axis, motion, speed):
     """Return the place on the list of the particle nearest to a hole on its inner side, UNCOVERED or BLOCKED.
-
     centre: [m] relative to the grid's node (0, 0, 0). A particle just outside that recedes slower than a share of
-    `speed` [m/s] blocks the hole. Those that cover it stay awake.
-    """
+    `speed` [m/s] blocks the hole. Those that cover it stay awake."""
     outer = ti.cast(fields.orifices.numbers[h, OUTER], ti.i32) * (index + 1)
     radius = 0.5 * fields.orifices.numbers[h, DIAMETER]
     place = UNCOVERED

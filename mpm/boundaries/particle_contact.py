@@ -1,8 +1,6 @@
 """Contact of particles that have entered a moving solid, which the grid's nodes did not stop.
-
 Grid nodes cannot stop the last few particles at a curved or thin wall, and would let a fluid pile up at its face: this
-keeps the material's edge there. It takes the approach velocity, and adds what brings the particle out gently.
-"""
+keeps the material's edge there. It takes the approach velocity, and adds what brings the particle out gently."""
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity

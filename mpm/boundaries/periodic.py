@@ -1,7 +1,5 @@
 """Periodic sides: nodes beyond a side are images of nodes inside, folded before walls and unfolded after them.
-
-Every node takes what it needs from others and writes to itself alone, so that any number of threads may do so.
-"""
+Every node takes what it needs from others and writes to itself alone, so that any number of threads may do so."""
 
 from mpm.backend import ti
 from mpm.scene.grid import BLOCK, GHOST
@@ -96,9 +94,7 @@ def mark_images(fields: ti.template(), step: ti.template(), first, last):
 @ti.func
 def unfold_periodic(fields: ti.template(), step: ti.template(), first, last):
     """Phase: give images the velocity of their home nodes, and each its own mass, which the next substep may need.
-
-    In active blocks first .. last - 1.
-    """
+    In active blocks first .. last - 1."""
     for n in range(first, last):
         block = fields.grid.active[n]
         for m in range(BLOCK**3 // step.threads):

@@ -1,9 +1,7 @@
 """Sides of thin shells: which side of a shell nodes and particles are on.
-
 A particle within reach of a shell keeps the side on which it came (its label) until it leaves the neighbourhood or
 passes the rim. Towards nodes on the other side it writes to, and reads from, the second layer of the grid: there its
-material meets the shell, and nothing else.
-"""
+material meets the shell, and nothing else."""
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
@@ -22,9 +20,7 @@ CURVATURE = 0.5
 @ti.func
 def label_nodes(fields: ti.template(), step: ti.template(), first, last):
     """Phase: where mass is transferred, label the nodes of active blocks first .. last - 1 near a shell.
-
-    Activates the second layer of blocks that hold a label; empties the list of labelled particles.
-    """
+    Activates the second layer of blocks that hold a label; empties the list of labelled particles."""
     if step.transfer_mass > 0:
         fields.shells.count[None] = 0
         corner = fields.world_origin()
@@ -77,9 +73,7 @@ def reaches_across(fields: ti.template(), J):
 @ti.func
 def label_particles(fields: ti.template(), step: ti.template(), first, last):
     """Phase: label particles with the side on which they came near a shell, as long as they are near it.
-
-    Where mass is transferred, those of packs first .. last - 1.
-    """
+    Where mass is transferred, those of packs first .. last - 1."""
     if step.transfer_mass > 0:
         label_packs(fields, fields.particles, step.motion, step.row, first, last)
 

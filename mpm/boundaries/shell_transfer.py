@@ -1,7 +1,5 @@
 """Transfers across thin shells, of the particles that have a side of one.
-
-They are few: the packs leave them out, and they are transferred one by one from a list.
-"""
+They are few: the packs leave them out, and they are transferred one by one from a list."""
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
@@ -29,17 +27,14 @@ def scatter_across_shells(fields: ti.template(), step: ti.template(), first, las
         if ti.static(fields.parts > 0):
             note_reached(fields.grid, step.part, fields.shells.base[c], -1, step.stamp, 2)
         layers = ti.static(ShellLayers(fields.grid, fields.shells, side, scatter_shift(fields, step)))
-        scatter(fields.scatter_target, layers, fields.shells.base[c],
-                fields.shells.q[0][c], fields.shells.q[1][c], fields.shells.q[2][c], fields.shells.q[3][c],
-                [weights(f[0]), weights(f[1]), weights(f[2])])
+        scatter(fields.scatter_target, layers, fields.shells.base[c], fields.shells.q[0][c], fields.shells.q[1][c],
+                fields.shells.q[2][c], fields.shells.q[3][c], [weights(f[0]), weights(f[1]), weights(f[2])])
 
 
 @ti.func
 def gather_across_shells(fields: ti.template(), step: ti.template(), first, last):
     """Phase: gather the listed particles first .. last - 1, from the layers that they scattered to.
-
-    At the end of a stride those move that do not enter a shell.
-    """
+    At the end of a stride those move that do not enter a shell."""
     dt = drift_after(step.dt, step.span)
     for n in range(first, last):
         slot = fields.shells.slot[n]
@@ -107,8 +102,7 @@ def find_entered(fields: ti.template(), P: ti.template(), step: ti.template(), d
         thick = fields.parameters.half_thickness[index]
         if ti.abs(side) == index + 1 and own * read_lane(P.gap, slot) < thick + WATCHED * fields.cell:
             R = collider_axes(step.motion, row, step.row)
-            n_t, phi, sided = fields.colliders[index].sdf.at(
-                R.transpose() @ lever_after(fields, step, row, x + dt * v))
+            n_t, phi, sided = fields.colliders[index].sdf.at(R.transpose() @ lever_after(fields, step, row, x + dt * v))
             half = read_lane(P.half, slot)
             depth = thick + half - own * phi
             if sided > 0 and depth > 0:
@@ -126,10 +120,8 @@ def lever_after(fields: ti.template(), step: ti.template(), row: ti.template(), 
 @ti.func
 def stop_at_shells(fields: ti.template(), step: ti.template(), first, last):
     """Phase: stop the listed particles first .. last - 1 that would enter a shell, move them, credit the shell.
-
     Nodes hold a material back, but not exactly where the shell is, nor each of its particles: this stops the last of
-    them, and keeps the material's edge at the shell's face.
-    """
+    them, and keeps the material's edge at the shell's face."""
     if step.span > 0:
         dt = drift_after(step.dt, step.span)
         for number in range(first, last):

@@ -1,11 +1,8 @@
-"""Walls and periodic sides, second order: what falls outside is folded to its place inside before the grid update,
-and unfolded after it.
-
-A wall lies on a plane of nodes. The mirrored half space closes the stencils of the particles next to it, so that the
-wall acts where it is; zeroing nodes would displace it by about 0.18 cells and make the whole scheme first order.
-A column (mirror node, wall node, ghost node) that pulls away from a separable wall is left unfolded. Periodic sides
-come first and leave last: their outer nodes are images of inner ones.
-"""
+"""Walls and periodic sides, second order: what falls outside is folded to its place inside before the grid update, and
+unfolded after it. A wall lies on a plane of nodes. The mirrored half space closes the stencils of the particles next to
+it, so that the wall acts where it is; zeroing nodes would displace it by about 0.18 cells and make the whole scheme
+first order. A column (mirror node, wall node, ghost node) that pulls away from a separable wall is left unfolded.
+Periodic sides come first and leave last: their outer nodes are images of inner ones."""
 
 from mpm.backend import ti
 from mpm.scene.grid import BLOCK, GHOST
@@ -23,9 +20,7 @@ class NoTape:
 @ti.func
 def mirror(conditions: ti.template(), kind, q, mass, n, p):
     """Return the mirror image, in the wall with normal n, of the momentum q (4,) of a mass; of a velocity with mass 1.
-
-    kind: place of the wall's condition among the scene's. p: its numbers.
-    """
+    kind: place of the wall's condition among the scene's. p: its numbers."""
     into = q.dot(n)
     t = q - into * n
     t[3] = 0.0
@@ -108,9 +103,7 @@ def normal4(axis, inward, real: ti.template()):
 @ti.func
 def fold_walls(fields: ti.template(), step: ti.template(), w, first, last):
     """Phase: add ghost momentum and mass at wall w to the mirror nodes, in active blocks first .. last - 1.
-
-    A folded ghost keeps its raw values, its mass negated.
-    """
+    A folded ghost keeps its raw values, its mass negated."""
     fold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, w, fields.parameters.wall_numbers[w],
               step, fields.parameters.gravity[None], first, last)
 
@@ -152,10 +145,8 @@ def fold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template
 @ti.func
 def unfold_walls(fields: ti.template(), step: ti.template(), w, first, last):
     """Phase: give ghosts the mirrored velocity, stop nodes on walls, in active blocks first .. last - 1.
-
     Walls are unfolded in the reverse order of folding: w counts from the last one. Their impulses are credited to the
-    ledger's wall row. A tape records every column before it is unfolded.
-    """
+    ledger's wall row. A tape records every column before it is unfolded."""
     unfold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, 5 - w,
                 fields.parameters.wall_numbers[5 - w], step, fields.world_origin(), fields.cell,
                 fields.rows.walls + 5 - w, first, last)
@@ -195,9 +186,7 @@ def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.templa
 def unfold_column(grid: ti.template(), table: ti.template(), conditions: ti.template(), W, axis, inward, kind,
                   separable, n, stamp, dt, p):
     """Unfold one column: wall node W, its ghost and its mirror node.
-
-    Return the column's impulse (3,), and the moment (3,) per cell of what acts beside the wall node.
-    """
+    Return the column's impulse (3,), and the moment (3,) per cell of what acts beside the wall node."""
     ghost = W - unit(axis) * inward
     m_g = ghost_mass(grid, ghost, stamp)
     pair = ti.cast(0, grid.nodes.dtype)
@@ -235,9 +224,7 @@ def three(q):
 @ti.func
 def stop_node(grid: ti.template(), conditions: ti.template(), I, n, kind, separable, held, pair, dt, p):
     """Apply the wall's condition to a node; return its impulse.
-
-    pair: normal impulse of the folded pair, which adds to friction.
-    """
+    pair: normal impulse of the folded pair, which adds to friction."""
     q = grid.nodes[I]
     impulse = 0.0 * q
     if q[3] > 0:

@@ -1,8 +1,6 @@
 """Lattices of distances that this machine has computed before: from the user's cache folder instead of anew.
-
 A lattice is found by its mesh, place and spacing, and by the code that computes it. The variable MPM_CACHE names
-another folder; where it is empty nothing is kept.
-"""
+another folder; where it is empty nothing is kept."""
 
 import contextlib
 import functools
@@ -29,10 +27,8 @@ LARGEST_FOLDER = 1_000_000_000
 def kept_lattice(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...],
                  kinds: dict[str, type], compute: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Return what `compute` does, arrays of a shape, or numbers: read where they were computed before, or computed.
-
     parts: the meshes. kinds: type of each array, by its name. A file that cannot be read is replaced; where none can be
-    written, nothing is kept.
-    """
+    written, nothing is kept."""
     def compute_now() -> dict[str, np.ndarray]:
         return {name: np.asarray(values, kinds[name]) for name, values in compute().items()}
 

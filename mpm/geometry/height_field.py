@@ -11,9 +11,7 @@ from mpm.geometry.shape import Shape, check_sizes, digest, sign
 
 class HeightField(Shape):
     """Ground below heights [m] (rows along y, columns along x) over |x| <= half[0], |y| <= half[1]; 1 m outside.
-
-    Bilinear between its points; distances are of first order, exact at the surface.
-    """
+    Bilinear between its points; distances are of first order, exact at the surface."""
 
     def __init__(self, heights: np.ndarray, half: tuple[float, float]) -> None:
         self.host = np.asarray(heights, np.float32)

@@ -16,10 +16,8 @@ RAY_OFFSET = np.array([1.234567e-5, 7.654321e-6])
 
 def signed_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
     """Return distances [m] at lower + spacing * (i, j, k), negative inside.
-
     Within BAND spacings of the surface the distance is that to the closest triangle; farther out it is carried over
-    from the closest point of the band, good to a spacing.
-    """
+    from the closest point of the band, good to a spacing."""
     count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
     samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
     # small triangles may get no sample of their own
@@ -38,9 +36,8 @@ def signed_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, s
     return np.where(find_inside(mesh, lower, spacing, shape), -exact, exact)
 
 
-def _distance_to_neighbour_faces(
-    mesh: trimesh.Trimesh, points: np.ndarray, samples: np.ndarray, faces: np.ndarray, spacing: float
-) -> np.ndarray:
+def _distance_to_neighbour_faces(mesh: trimesh.Trimesh, points: np.ndarray, samples: np.ndarray, faces: np.ndarray,
+                                 spacing: float) -> np.ndarray:
     """Return the exact distances (n,) to the triangles of the closest samples, several a point."""
     _, candidates = cKDTree(samples).query(points, k=NEIGHBOURS)
     best = np.full(len(points), np.inf)
@@ -80,9 +77,8 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def sheet_distances(
-    mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...], band: float
-) -> tuple[np.ndarray, np.ndarray]:
+def sheet_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...],
+                    band: float) -> tuple[np.ndarray, np.ndarray]:
     """Return signed distances [m] to an open surface at lower + spacing * (i, j, k), and where they have a side.
 
     Positive on the side that the faces' normals point to; outside the band, where nothing has a side, the value of the
@@ -132,9 +128,8 @@ def _side(mesh: trimesh.Trimesh, points: np.ndarray, foot: np.ndarray, face: np.
     return np.where(np.einsum("nd,nd->n", points - foot, normals) < 0, -1.0, 1.0)
 
 
-def _signed_closest(
-    mesh: trimesh.Trimesh, points: np.ndarray, candidates: np.ndarray, spacing: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _signed_closest(mesh: trimesh.Trimesh, points: np.ndarray, candidates: np.ndarray,
+                    spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the signed distances (n,) to the closest of candidate faces (n, k), and whether that is off the rim."""
     # in units of the spacing, as above
     scaled, best = points / spacing, np.full(len(points), np.inf)
@@ -164,9 +159,7 @@ def wall_thickness(mesh: trimesh.Trimesh) -> float:
 
 def _gap_width(mesh: trimesh.Trimesh, outwards: bool, samples: int = 400) -> float:
     """Return the smallest distance [m] to a part of the surface that faces another one, outwards or through the solid.
-
-    Rays from the surface along its normals (for a sheet along both) until they meet it at an angle below 45 deg.
-    """
+    Rays from the surface along its normals (for a sheet along both) until they meet it at an angle below 45 deg."""
     size = mesh.scale  # trimesh's tolerances are absolute: its rays pass millimetre triangles by
     mesh = trimesh.Trimesh(mesh.vertices * (1000.0 / size), mesh.faces, process=False)
     points, faces = trimesh.sample.sample_surface(mesh, samples, seed=0)[:2]

@@ -1,7 +1,5 @@
 """Rigid motion: poses, twists and wrenches with named parts, and the screw between two poses.
-
-What every step needs is written out in plain numbers: scipy's rotations took a third of a small scene's step.
-"""
+What every step needs is written out in plain numbers: scipy's rotations took a third of a small scene's step."""
 
 import math
 from typing import NamedTuple
@@ -38,11 +36,9 @@ class Pose(NamedTuple):
         """Rotation matrix (3, 3); its columns are the axes of the frame in world coordinates."""
         w, x, y, z = map(float, self.quaternion)
         s = 2.0 / (w * w + x * x + y * y + z * z)
-        return np.array([
-            [1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
-            [s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)],
-            [s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)],
-        ])
+        return np.array([[1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+                         [s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)],
+                         [s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)]])
 
     def __matmul__(self, other: "Pose") -> "Pose":  # type: ignore[override]
         matrix = self.matrix
@@ -60,9 +56,7 @@ class Pose(NamedTuple):
 
 def check_pose(what: str, pose: Pose) -> Pose:
     """Return a pose; raise InvalidValue for anything else, and for numbers that place nothing.
-
-    what: whose pose, for the message.
-    """
+    what: whose pose, for the message."""
     try:
         position, quaternion = [float(v) for v in pose.position], [float(v) for v in pose.quaternion]
         is_pose = len(position) == 3 and len(quaternion) == 4 and any(quaternion) \
@@ -123,9 +117,7 @@ def skew(vectors: np.ndarray) -> np.ndarray:
 
 def rotation_coefficients(rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return sin(t) / t, (1 - cos t) / t^2 and (t - sin t) / t^3 of lengths t of vectors (..., 3), (..., 1, 1) each.
-
-    Analytic in the vectors, so that complex steps through them give derivatives.
-    """
+    Analytic in the vectors, so that complex steps through them give derivatives."""
     squares = np.sum(rotations * rotations, -1)[..., None, None]
     small = np.abs(squares) < 1e-4
     t = np.sqrt(np.where(small, 1.0, squares))
@@ -144,9 +136,7 @@ def rotation_matrix(rotations: np.ndarray) -> np.ndarray:
 
 def left_jacobian(rotations: np.ndarray) -> np.ndarray:
     """Return V of SE(3) (..., 3, 3): exp(rho, phi) translates by V(phi) rho.
-
-    rotations: phi [rad] (..., 3), real or complex. Source: Barfoot 2017, eq. 7.77.
-    """
+    rotations: phi [rad] (..., 3), real or complex. Source: Barfoot 2017, eq. 7.77."""
     _, b, c = rotation_coefficients(rotations)
     K = skew(rotations)
     return np.eye(3) + b * K + c * K @ K
@@ -207,10 +197,8 @@ def exponential(begin: Pose, twist: Twist, time: float = 1.0) -> Pose:
 
 def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
     """Return the screw begin exp(u twist) at n values u = (k + 1) / n, with its world twist about the frame's origin.
-
     The twist carries the frame along in unit time; `duration` [s] is what the motion takes. A frame that moves along a
-    screw has a constant twist in its own axes, so that no substep sees a kink.
-    """
+    screw has a constant twist in its own axes, so that no substep sees a kink."""
     R, linear, angular = begin.matrix, np.asarray(twist.linear, float), np.asarray(twist.angular, float)
     if not (linear.any() or angular.any()):  # most colliders rest in most steps
         still = np.zeros((n, 3))
@@ -238,9 +226,7 @@ def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
 
 def motion_table(legs: list[list[ScrewSamples]], n: int, dtype: type) -> np.ndarray:
     """Return the motion table (k, n, COLUMNS) of k frames in n substeps, legs one after another.
-
-    A row holds origin, rotation matrix (row by row), linear and angular velocity, in world axes.
-    """
+    A row holds origin, rotation matrix (row by row), linear and angular velocity, in world axes."""
     table = np.zeros((max(len(legs), 1), n, COLUMNS), dtype)
     for rows, way in zip(table, legs):
         part = n // len(way)

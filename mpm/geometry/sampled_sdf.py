@@ -13,9 +13,7 @@ from mpm.geometry.shape import Shape, digest, sign
 @ti.func
 def trilinear_back(s: ti.template(), f, y, normal_bar, phi_bar):
     """Return the adjoint, times a spacing, of y (3,) in a cell of a lattice: of the distance there and of its normal.
-
-    s: the distances at the cell's eight corners. f (3,): the place in it, in spacings.
-    """
+    s: the distances at the cell's eight corners. f (3,): the place in it, in spacings."""
     x = [[once(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
     xy = [once(x[1][k] - x[0][k]) for k in range(2)]
     xz = [once(x[j][1] - x[j][0]) for j in range(2)]
@@ -64,9 +62,7 @@ class Lattice(Shape):
     @ti.func
     def cell_at(self, y):
         """Return the values at the eight corners of the lattice's cell at y, and the place in it.
-
-        Also returns how far y lies outside, in spacings.
-        """
+        Also returns how far y lies outside, in spacings."""
         u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
         last = ti.Vector([self.host.shape[d] - 1.0 for d in range(3)])
         held = ti.max(ti.min(u, last), 0.0 * u)
@@ -93,9 +89,7 @@ class Lattice(Shape):
     @ti.func
     def is_beyond(self, y, reach):
         """Conservative early-out: look up the nearest point instead of eight.
-
-        Outside, the solid is as far as the lattice, and `margin` more.
-        """
+        Outside, the solid is as far as the lattice, and `margin` more."""
         u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
         c = ti.Vector([ti.cast(u[d] + 0.5, ti.i32) for d in range(3)])
         shape = ti.static(self.host.shape)

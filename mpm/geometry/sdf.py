@@ -23,9 +23,8 @@ class Sdf:
     height_field, union = HeightField, Union
 
     @staticmethod
-    def from_mesh(
-        mesh: trimesh.Trimesh | list[trimesh.Trimesh], spacing: float = 1e-3, margin: float = 4e-3
-    ) -> Lattice:
+    def from_mesh(mesh: trimesh.Trimesh | list[trimesh.Trimesh], spacing: float = 1e-3,
+                  margin: float = 4e-3) -> Lattice:
         """Return the lattice of the union of closed meshes, with `spacing` [m], and `margin` [m] around them.
 
         Raises InvalidValue for an open mesh, and for a spacing that needs too many lattice points.

@@ -18,9 +18,7 @@ KINK = 10.0
 
 def check_sizes(owner: str, name: str, sizes: object, count: int = 1, least: float = 0.0) -> tuple[float, ...]:
     """Return `count` lengths [m]; raise InvalidValue unless there are so many, finite and above `least`.
-
-    owner, name: whose lengths, and what they are called, for the message.
-    """
+    owner, name: whose lengths, and what they are called, for the message."""
     try:
         values = tuple(float(size) for size in np.ravel(sizes))  # pyright: ignore[reportCallIssue, reportArgumentType]
     except (TypeError, ValueError):
@@ -34,9 +32,7 @@ def check_sizes(owner: str, name: str, sizes: object, count: int = 1, least: flo
 
 def sign(shape: Any, *others: Hashable) -> Hashable:
     """Return the signature of a shape by those of its attributes that are numbers, or tuples of them.
-
-    others: what stands for the attributes that are not; without it, a shape that has such is known by itself alone.
-    """
+    others: what stands for the attributes that are not; without it, a shape that has such is known by itself alone."""
     given = {name: value for name, value in vars(shape).items() if name != "group"}
     numbers = tuple((name, value) for name, value in sorted(given.items()) if isinstance(value, float | int | tuple))
     if not others and len(numbers) < len(given):
@@ -151,9 +147,7 @@ class Shape:
     @ti.func
     def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
         """Return the adjoint of y, of type `real`, from those of normal and distance.
-
-        Central differences in double precision, for shapes without a better way.
-        """
+        Central differences in double precision, for shapes without a better way."""
         bar = 0.0 * y
         here = ti.cast(y, ti.f64)
         n, phi = self.at(here)

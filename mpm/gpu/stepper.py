@@ -1,8 +1,6 @@
 """The stepper of a GPU: two launches a substep, in which every phase is a parallel loop.
-
 Each pack of particles, each node of an active block is a thread's. All add to the same nodes, and to one of several
-copies of the ledger, in any order: right to rounding.
-"""
+copies of the ledger, in any order: right to rounding."""
 
 from collections.abc import Sequence
 
@@ -101,8 +99,7 @@ class GpuStepper(CpuStepper):
         ti.loop_config(block_dim=GROUP)
         for part in range(ti.static(self.sum_parts)):
             first, last = self.stretch(part)
-            ti.atomic_max(self.speeds[part % STRIPES],
-                          fastest_square(self.fields, self.fields.particles, first, last))
+            ti.atomic_max(self.speeds[part % STRIPES], fastest_square(self.fields, self.fields.particles, first, last))
         ti.loop_config(serialize=True)
         for stripe in range(1, STRIPES):
             self.speeds[0] = ti.max(self.speeds[0], self.speeds[stripe])

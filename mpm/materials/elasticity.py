@@ -126,14 +126,10 @@ class FixedCorotated(Hencky):
         stretch = square_root(e)
         J = ti.sqrt(1.0 + determinant_minus_one(e))
         volumetric = p[1] * (J - 1.0) * J
-        return [
-            once(2.0 * p[0] * (e[0] - stretch[0]) + volumetric),
-            once(2.0 * p[0] * (e[1] - stretch[1]) + volumetric),
-            once(2.0 * p[0] * (e[2] - stretch[2]) + volumetric),
-            once(2.0 * p[0] * (e[3] - stretch[3])),
-            once(2.0 * p[0] * (e[4] - stretch[4])),
-            once(2.0 * p[0] * (e[5] - stretch[5])),
-        ]
+        return [once(2.0 * p[0] * (e[0] - stretch[0]) + volumetric),
+                once(2.0 * p[0] * (e[1] - stretch[1]) + volumetric),
+                once(2.0 * p[0] * (e[2] - stretch[2]) + volumetric), once(2.0 * p[0] * (e[3] - stretch[3])),
+                once(2.0 * p[0] * (e[4] - stretch[4])), once(2.0 * p[0] * (e[5] - stretch[5]))]
 
     @staticmethod
     @ti.func

@@ -24,9 +24,7 @@ def expm1(x):
 @ti.func
 def hencky_series(e: ti.template()):
     """Return h = log(I + e) / 2 by a series.
-
-    Y + Y^3/3 + Y^5/5 + Y^7/7 with Y = e (2 I + e)^-1: relative error below 3e-7 for |h| < 0.2.
-    """
+    Y + Y^3/3 + Y^5/5 + Y^7/7 with Y = e (2 I + e)^-1: relative error below 3e-7 for |h| < 0.2."""
     y = product(e, inverse(combine(1.0, 2.0, e)))
     z = product(y, y)
     fifth = combine(1.0 / 7.0, 1.0 / 5.0, z)
@@ -37,9 +35,7 @@ def hencky_series(e: ti.template()):
 @ti.func
 def exponential_series(h: ti.template()):
     """Return e = exp(2 h) - I by the [3/3] Pade form.
-
-    (A - B)^-1 2 B with A = I + x^2/10, B = x/2 + x^3/120, x = 2 h.
-    """
+    (A - B)^-1 2 B with A = I + x^2/10, B = x/2 + x^3/120, x = 2 h."""
     x = combine(2.0, 0.0, h)
     z = product(x, x)
     odd = product(x, combine(1.0 / 120.0, 0.5, z))
@@ -96,9 +92,6 @@ def exponential_auto(h: ti.template()):
     return e
 
 
-INTEGRATORS = {
-    "series": (hencky_series, exponential_series),
-    "exact": (hencky_exact, exponential_exact),
-    "auto": (hencky_auto, exponential_auto),
-}
+INTEGRATORS = {"series": (hencky_series, exponential_series), "exact": (hencky_exact, exponential_exact),
+               "auto": (hencky_auto, exponential_auto)}
 """Name -> (logarithm, exponential)."""

@@ -65,14 +65,9 @@ class NewtonianFluid:
         pressure = p[0] * (ti.min(j, 0.0) + p[2] * ti.max(j, 0.0)) * J
         shear = p[1] * J
         third = (C[0] + C[4] + C[8]) / 3.0
-        return [
-            once(pressure + 2.0 * shear * (C[0] - third)),
-            once(pressure + 2.0 * shear * (C[4] - third)),
-            once(pressure + 2.0 * shear * (C[8] - third)),
-            once(shear * (C[1] + C[3])),
-            once(shear * (C[2] + C[6])),
-            once(shear * (C[5] + C[7])),
-        ]
+        return [once(pressure + 2.0 * shear * (C[0] - third)), once(pressure + 2.0 * shear * (C[4] - third)),
+                once(pressure + 2.0 * shear * (C[8] - third)), once(shear * (C[1] + C[3])), once(shear * (C[2] + C[6])),
+                once(shear * (C[5] + C[7]))]
 
     @staticmethod
     @ti.func

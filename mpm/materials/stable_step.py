@@ -18,18 +18,14 @@ TRAVEL_FRACTION = 0.25
 
 def isolated_particle_bound(cell: float, density: float, mu: float, lam: float) -> float:
     """Return the bound [s] of a lone particle in 3-D: cell sqrt(density / (3 lam + 2 mu)).
-
-    A lone particle feels its own pressure through the full grid gradient 4/dx^2, which is stricter than the wave
-    speed of the bulk (Sun, Shinar & Schroeder 2020; Bai & Schroeder 2022).
-    """
+    A lone particle feels its own pressure through the full grid gradient 4/dx^2, which is stricter than the wave speed
+    of the bulk (Sun, Shinar & Schroeder 2020; Bai & Schroeder 2022)."""
     return cell * math.sqrt(density / (3.0 * lam + 2.0 * mu))
 
 
 def viscous_bound(cell: float, density: float, viscosity: float) -> float:
     """Return the bound [s] that viscosity sets on a lone particle: density cell^2 / (4 viscosity).
-
-    Its stress takes 8 viscosity dt / (density cell^2) off its own rate of shear in a step; more than twice diverges.
-    """
+    Its stress takes 8 viscosity dt / (density cell^2) off its own rate of shear in a step; more than twice diverges."""
     return density * cell**2 / (4.0 * viscosity) if viscosity > 0 else math.inf
 
 
@@ -52,9 +48,7 @@ def accepted_bound(cell: float, law: Any) -> float:
 
 def check_step(dt: float, cell: float, laws: Iterable[Any], place: str = "") -> None:
     """Raise TimeStepTooLarge for a step [s] beyond the accepted one of some of the materials.
-
-    place: where the step was given, for the message.
-    """
+    place: where the step was given, for the message."""
     bound = min(accepted_bound(cell, law) for law in laws)
     if dt > bound:
         raise TimeStepTooLarge(dt, bound, "isolated particle" + (f"; {place}" if place else ""))
@@ -62,9 +56,7 @@ def check_step(dt: float, cell: float, laws: Iterable[Any], place: str = "") -> 
 
 def choose_step(dt: float | None, cell: float, laws: list[Any]) -> float:
     """Return dt [s], or for None `COURANT_FRACTION` of the smallest bound of the materials.
-
-    Raises TimeStepTooLarge beyond the accepted bound, InvalidValue for what is no time.
-    """
+    Raises TimeStepTooLarge beyond the accepted bound, InvalidValue for what is no time."""
     if dt is None:
         return COURANT_FRACTION * min(material_bound(cell, law) for law in laws)
     if not dt > 0:

@@ -20,22 +20,18 @@ def advance_cauchy_green(e: ti.template(), a: ti.template()):
     p21 = e[5] + a[6] * e[3] + a[7] * e[1] + a[8] * e[5] + a[7]
     p22 = e[2] + a[6] * e[4] + a[7] * e[5] + a[8] * e[2] + a[8]
     # e' = p (I + a)^T + a^T
-    return [
-        once(p00 + p00 * a[0] + p01 * a[1] + p02 * a[2] + a[0]),
-        once(p11 + p10 * a[3] + p11 * a[4] + p12 * a[5] + a[4]),
-        once(p22 + p20 * a[6] + p21 * a[7] + p22 * a[8] + a[8]),
-        once(p01 + p00 * a[3] + p01 * a[4] + p02 * a[5] + a[3]),
-        once(p02 + p00 * a[6] + p01 * a[7] + p02 * a[8] + a[6]),
-        once(p12 + p10 * a[6] + p11 * a[7] + p12 * a[8] + a[7]),
-    ]
+    return [once(p00 + p00 * a[0] + p01 * a[1] + p02 * a[2] + a[0]),
+            once(p11 + p10 * a[3] + p11 * a[4] + p12 * a[5] + a[4]),
+            once(p22 + p20 * a[6] + p21 * a[7] + p22 * a[8] + a[8]),
+            once(p01 + p00 * a[3] + p01 * a[4] + p02 * a[5] + a[3]),
+            once(p02 + p00 * a[6] + p01 * a[7] + p02 * a[8] + a[6]),
+            once(p12 + p10 * a[6] + p11 * a[7] + p12 * a[8] + a[7])]
 
 
 @ti.func
 def volume_growth(d):
     """Return g - 1, with g = d + sqrt(1 + d^2) the factor of J in a substep with d = dt tr(C).
-
-    g is exp(d) up to d^3 / 6, is positive for any d, and g(-d) = 1 / g(d): the opposite rate leads back.
-    """
+    g is exp(d) up to d^3 / 6, is positive for any d, and g(-d) = 1 / g(d): the opposite rate leads back."""
     size = ti.abs(d)
     rise = size + size * size / (1.0 + ti.sqrt(1.0 + size * size))
     return ti.select(d < 0.0, -rise / (1.0 + rise), rise)

@@ -1,8 +1,6 @@
 """Symmetric tensors, element-wise: the same code runs on scalars and on packs of particles.
-
 A symmetric tensor is a list of six entries [xx, yy, zz, xy, xz, yz]. The state of a solid is e = b - I, with b the
-elastic left Cauchy-Green tensor: stored as a difference, a strain of 1e-6 keeps its digits in single precision.
-"""
+elastic left Cauchy-Green tensor: stored as a difference, a strain of 1e-6 keeps its digits in single precision."""
 
 from mpm.backend import once, ti
 
@@ -15,27 +13,16 @@ JACOBI_SWEEPS = 6
 @ti.func
 def product(a: ti.template(), b: ti.template()):
     """Return a b for symmetric tensors that commute, so that the product is symmetric too."""
-    return [
-        once(a[0] * b[0] + a[3] * b[3] + a[4] * b[4]),
-        once(a[3] * b[3] + a[1] * b[1] + a[5] * b[5]),
-        once(a[4] * b[4] + a[5] * b[5] + a[2] * b[2]),
-        once(a[0] * b[3] + a[3] * b[1] + a[4] * b[5]),
-        once(a[0] * b[4] + a[3] * b[5] + a[4] * b[2]),
-        once(a[3] * b[4] + a[1] * b[5] + a[5] * b[2]),
-    ]
+    return [once(a[0] * b[0] + a[3] * b[3] + a[4] * b[4]), once(a[3] * b[3] + a[1] * b[1] + a[5] * b[5]),
+            once(a[4] * b[4] + a[5] * b[5] + a[2] * b[2]), once(a[0] * b[3] + a[3] * b[1] + a[4] * b[5]),
+            once(a[0] * b[4] + a[3] * b[5] + a[4] * b[2]), once(a[3] * b[4] + a[1] * b[5] + a[5] * b[2])]
 
 
 @ti.func
 def combine(alpha: ti.template(), diagonal: ti.template(), a: ti.template()):
     """Return diagonal * I + alpha * a."""
-    return [
-        once(diagonal + alpha * a[0]),
-        once(diagonal + alpha * a[1]),
-        once(diagonal + alpha * a[2]),
-        once(alpha * a[3]),
-        once(alpha * a[4]),
-        once(alpha * a[5]),
-    ]
+    return [once(diagonal + alpha * a[0]), once(diagonal + alpha * a[1]), once(diagonal + alpha * a[2]),
+            once(alpha * a[3]), once(alpha * a[4]), once(alpha * a[5])]
 
 
 @ti.func
@@ -45,22 +32,15 @@ def inverse(a: ti.template()):
     c3 = a[4] * a[5] - a[3] * a[2]
     c4 = a[3] * a[5] - a[4] * a[1]
     s = 1.0 / (a[0] * c0 + a[3] * c3 + a[4] * c4)
-    return [
-        once(s * c0),
-        once(s * (a[0] * a[2] - a[4] * a[4])),
-        once(s * (a[0] * a[1] - a[3] * a[3])),
-        once(s * c3),
-        once(s * c4),
-        once(s * (a[3] * a[4] - a[0] * a[5])),
-    ]
+    return [once(s * c0), once(s * (a[0] * a[2] - a[4] * a[4])), once(s * (a[0] * a[1] - a[3] * a[3])), once(s * c3),
+            once(s * c4), once(s * (a[3] * a[4] - a[0] * a[5]))]
 
 
 @ti.func
 def determinant_minus_one(e: ti.template()):
     """Return det(I + e) - 1 without cancellation."""
     minors = e[0] * e[1] - e[3] * e[3] + e[0] * e[2] - e[4] * e[4] + e[1] * e[2] - e[5] * e[5]
-    det = (e[0] * (e[1] * e[2] - e[5] * e[5]) - e[3] * (e[3] * e[2] - e[4] * e[5])
-           + e[4] * (e[3] * e[5] - e[4] * e[1]))
+    det = (e[0] * (e[1] * e[2] - e[5] * e[5]) - e[3] * (e[3] * e[2] - e[4] * e[5]) + e[4] * (e[3] * e[5] - e[4] * e[1]))
     return e[0] + e[1] + e[2] + minors + det
 
 
@@ -118,11 +98,9 @@ def spectrum(a: ti.template(), sweeps: ti.template()):
 @ti.func
 def compose(d: ti.template(), v: ti.template()):
     """Return sum_k d_k v_k v_k^T."""
-    return [
-        once(d[0] * v[0] * v[0] + d[1] * v[1] * v[1] + d[2] * v[2] * v[2]),
-        once(d[0] * v[3] * v[3] + d[1] * v[4] * v[4] + d[2] * v[5] * v[5]),
-        once(d[0] * v[6] * v[6] + d[1] * v[7] * v[7] + d[2] * v[8] * v[8]),
-        once(d[0] * v[0] * v[3] + d[1] * v[1] * v[4] + d[2] * v[2] * v[5]),
-        once(d[0] * v[0] * v[6] + d[1] * v[1] * v[7] + d[2] * v[2] * v[8]),
-        once(d[0] * v[3] * v[6] + d[1] * v[4] * v[7] + d[2] * v[5] * v[8]),
-    ]
+    return [once(d[0] * v[0] * v[0] + d[1] * v[1] * v[1] + d[2] * v[2] * v[2]),
+            once(d[0] * v[3] * v[3] + d[1] * v[4] * v[4] + d[2] * v[5] * v[5]),
+            once(d[0] * v[6] * v[6] + d[1] * v[7] * v[7] + d[2] * v[8] * v[8]),
+            once(d[0] * v[0] * v[3] + d[1] * v[1] * v[4] + d[2] * v[2] * v[5]),
+            once(d[0] * v[0] * v[6] + d[1] * v[1] * v[7] + d[2] * v[2] * v[8]),
+            once(d[0] * v[3] * v[6] + d[1] * v[4] * v[7] + d[2] * v[5] * v[8])]

@@ -1,10 +1,8 @@
 """Adjoints of the functions of symmetric tensors.
-
 `x_bar` is the adjoint of x: the derivative of the loss with respect to x. A symmetric tensor is a list of six entries,
 and its adjoint is the list of derivatives with respect to these. An off-diagonal entry stands for two places of the
-matrix, so that the matrix of derivatives holds half of it in each. Functions of tensors are
-differentiated through eigenvalues (Daleckii and Krein 1965), which is exact where eigenvalues coincide, too.
-"""
+matrix, so that the matrix of derivatives holds half of it in each. Functions of tensors are differentiated through
+eigenvalues (Daleckii and Krein 1965), which is exact where eigenvalues coincide, too."""
 
 from mpm.backend import once, ti
 from mpm.materials.hencky_strain import expm1, log1p
@@ -40,10 +38,8 @@ def transpose(a: ti.template()):
 @ti.func
 def through_spectrum(v: ti.template(), k: ti.template(), bar: ti.template()):
     """Return the adjoint of the argument of an isotropic tensor function.
-
     k: divided differences [00, 11, 22, 01, 02, 12] of the function of eigenvalues. v: eigenvectors. bar: the adjoint of
-    the function's value.
-    """
+    the function's value."""
     n = multiply(transpose(v), multiply(matrix_of_bar(bar), v))
     return bar_of_matrix(multiply(v, multiply([once(n[i] * k[FULL[i]]) for i in range(9)], transpose(v))))
 
@@ -72,10 +68,8 @@ al. 2021)."""
 @ti.func
 def log_divided(d, f, svd: ti.template()):
     """Return the divided difference of log(1 + d).
-
     With svd it is that of the decomposition's two factors, one product from each: their rounding is divided by the
-    difference, and coinciding values have no derivative.
-    """
+    difference, and coinciding values have no derivative."""
     if ti.static(svd):
         far = ti.max(ti.abs(d - f), SVD_CLAMP)
         inverse = ti.select(d < f, -1.0 / far, 1.0 / far)

@@ -36,8 +36,7 @@ class VonMises(Hencky):
         """Return (h, vc): scale the deviator back onto the cylinder."""
         mean = (h[0] + h[1] + h[2]) / 3.0
         d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean)]
-        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-                       + 2.0 * (h[3] * h[3] + h[4] * h[4] + h[5] * h[5]) + TINY)
+        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + 2.0 * (h[3] * h[3] + h[4] * h[4] + h[5] * h[5]) + TINY)
         scale = ti.min(p[2] / norm, 1.0)
         return [once(mean + scale * d[0]), once(mean + scale * d[1]), once(mean + scale * d[2]),
                 once(scale * h[3]), once(scale * h[4]), once(scale * h[5])], vc
@@ -49,8 +48,7 @@ class VonMises(Hencky):
         """Return the adjoints of h, vc and p, from those of the mapped h and vc; soft: see `yielding_share`."""
         mean = (h[0] + h[1] + h[2]) / 3.0
         d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean), h[3], h[4], h[5]]
-        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-                       + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
+        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
         zero = 0.0 * mean
         scale = ti.min(p[2] / norm, zero + 1.0)
         share = yielding_share(norm, p[2] + zero, soft)

@@ -24,10 +24,8 @@ SLOPE, APEX, RATIO, KAPPA = 2, 3, 4, 5
 @ti.func
 def yielding_share(norm, allowed, soft: ti.template()):
     """Return 1 where the norm of a strain deviator exceeds the allowed one, else 0.
-
     With soft > 0 it is a smooth step of that relative width: derivatives do not jump from particle to particle, and are
-    no longer exactly those of the motion.
-    """
+    no longer exactly those of the motion."""
     if ti.static(soft > 0):
         beyond = (norm / (allowed + TINY) - 1.0) / soft
         return 1.0 / (1.0 + ti.exp(-ti.min(ti.max(beyond, -30.0), 30.0)))
@@ -41,8 +39,7 @@ def map_onto_cone(h: ti.template(), vc: ti.template(), p: ti.template(), dt, has
     trace = h[0] + h[1] + h[2] + vc
     mean = (h[0] + h[1] + h[2]) / 3.0
     d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean)]
-    norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-                   + 2.0 * (h[3] * h[3] + h[4] * h[4] + h[5] * h[5]) + TINY)
+    norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + 2.0 * (h[3] * h[3] + h[4] * h[4] + h[5] * h[5]) + TINY)
     allowed = ti.max(p[SLOPE] * (p[APEX] - trace), 0.0)
     scale = 0.0 * norm
     if ti.static(has_rate):
@@ -68,9 +65,7 @@ def rate_scale(trace, p: ti.template(), dt):
 @ti.func
 def plastic_strain(norm, allowed, gain, c):
     """Return x of a deviator that flows, and the root of the discriminant of its equation.
-
-    gain: by which the norm that is allowed grows towards infinite rate.
-    """
+    gain: by which the norm that is allowed grows towards infinite rate."""
     b = c + allowed + gain - norm
     excess = ti.max(norm - allowed, 0.0)
     root = ti.sqrt(b * b + 4.0 * c * excess + TINY)
@@ -85,8 +80,7 @@ def map_onto_cone_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt
     trace = h[0] + h[1] + h[2] + vc
     mean = (h[0] + h[1] + h[2]) / 3.0
     d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean), h[3], h[4], h[5]]
-    norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-                   + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
+    norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
     zero = 0.0 * trace
     allowed = ti.max(p[SLOPE] * (p[APEX] - trace), 0.0)
     yields, whole = allowed < norm, trace < p[APEX]

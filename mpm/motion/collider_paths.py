@@ -36,9 +36,7 @@ class ColliderPaths:
 
     def set(self, index: int, begin: Pose, ends: tuple[Pose, ...], is_jump: bool = False) -> None:
         """Give a collider its path through the next advance; raises InvalidValue for one that cannot move.
-
-        Warns, once a collider, of a path that begins elsewhere than the collider is; is_jump: that is meant.
-        """
+        Warns, once a collider, of a path that begins elsewhere than the collider is; is_jump: that is meant."""
         movable = tuple(i for i in self._features.moving_colliders if i not in self._features.mobile)
         if index not in movable or self._colliders[index].static:
             raise InvalidValue(f"collider {index} cannot be given a motion; it can: {movable}")
@@ -78,11 +76,9 @@ class ColliderPaths:
 
     def plan(self, duration: float, readings: int, dt: float, dtype: type) -> tuple[int, np.ndarray]:
         """Return the number of equal substeps of the next advance, and the motion table of all of them.
-
         Every leg and every reading gets as many substeps; each is at most dt [s], and short enough that no collider's
         surface outruns its contact. The paths count as travelled. Raises ColliderTooFast where a substep would have to
-        be `SHORTEST` times shorter than dt.
-        """
+        be `SHORTEST` times shorter than dt."""
         paths = []
         for index in self._features.moving_colliders:
             path = self.pending.get(index)

@@ -95,10 +95,8 @@ class MobilityTable:
 
     def end(self, poses: list[Pose]) -> None:
         """Read poses and twists from the table.
-
         Free twists hold for one advance: after it a collider keeps its twist and its mobility. Warns once an advance
-        where contact did not converge.
-        """
+        where contact did not converge."""
         worst = int(np.argmax(self.table[:, RESIDUAL]))
         if self.residual > LARGE_RESIDUAL and not self._has_warned:
             self._has_warned = True

@@ -15,9 +15,7 @@ STENCIL = 1.5 * 3**0.5
 
 def reach_of(fields: Fields) -> float:
     """Return the distance [m] of particles from a collider beyond which neither knows of the other in a substep.
-
-    Contact acts at nodes up to `SHELL_FACE` cells from a surface; what sleeps wakes `AHEAD` of it.
-    """
+    Contact acts at nodes up to `SHELL_FACE` cells from a surface; what sleeps wakes `AHEAD` of it."""
     return (STENCIL + SHELL_FACE + (AHEAD if fields.features.sleep else 0.0)) * fields.cell
 
 

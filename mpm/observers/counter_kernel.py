@@ -32,9 +32,7 @@ FAR = 1.0
 @ti.data_oriented
 class CounterKernel:
     """What a `RegionCounter` compiles: see there for the arguments.
-
-    shape: of the collider that particles are near, or None. n_points: of those looked up in the probe, or 0.
-    """
+    shape: of the collider that particles are near, or None. n_points: of those looked up in the probe, or 0."""
 
     def __init__(self, particles: ParticleFields, index: int, shape: Any, reach: float, probe: Any, n_points: int,
                  margin: float, per_particle: bool) -> None:
@@ -79,9 +77,7 @@ class CounterKernel:
     @ti.func
     def accumulate(self, c, R, out: ti.template(), row, per_particle: ti.template(), reading):
         """Add the sums, with the collider at c, R, to two rows of out from `row` on, which hold zeros.
-
-        Where a counter asks for them, what each particle adds is stored in row `reading` of per_particle.
-        """
+        Where a counter asks for them, what each particle adds is stored in row `reading` of per_particle."""
         for slot in range(self.particles.pack_count[None] * LANES):
             self.count_slot(slot, c, R, out, row, per_particle, reading)
         self.probe_points(c, R, out, row)

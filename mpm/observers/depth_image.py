@@ -38,9 +38,7 @@ class Lens(NamedTuple):
 
 class Parts:
     """Triangles of rigid parts.
-
-    triangles (n, 3, 3): corners [m] in the part's axes. part (n,): number of each one's part, of `count`.
-    """
+    triangles (n, 3, 3): corners [m] in the part's axes. part (n,): number of each one's part, of `count`."""
 
     def __init__(self, triangles: np.ndarray, part: np.ndarray, count: int) -> None:
         a, b, c = np.moveaxis(np.asarray(triangles, float), 1, 0)
@@ -59,9 +57,7 @@ class Parts:
 @ti.data_oriented
 class DepthImage:
     """Draws triangles into a picture of depths; camera axes: x right, y down, z forward.
-
-    A triangle is seen from the side on which its corners are counter-clockwise.
-    """
+    A triangle is seen from the side on which its corners are counter-clockwise."""
 
     def __init__(self, lens: Lens) -> None:
         session_precision()  # starts the backend
@@ -77,9 +73,8 @@ class DepthImage:
 
     def draw_parts(self, parts: Parts, frames: np.ndarray, depth: np.ndarray) -> None:
         """Draw rigid parts into a picture (height, width), float32.
-
-        frames (m, 12): of each part, the rotation (row by row) and the position [m] that take its axes to the camera's.
-        """
+        frames (m, 12): of each part, the rotation (row by row) and the position [m] that take its axes to the
+        camera's."""
         R, t = frames[:, :9].reshape(-1, 3, 3), frames[:, 9:]
         eyes = -np.einsum("mij,mi->mj", R, t)
         shown = self._are_in_view(np.einsum("mij,mj->mi", R, parts.centres) + t, parts.radii)
@@ -99,11 +94,9 @@ class DepthImage:
     def draw_grains(self, positions: np.ndarray, facets: np.ndarray, frame: np.ndarray, radius: float,
                     depth: np.ndarray) -> None:
         """Draw a small solid at each position into a picture (height, width), float32.
-
         positions (n, 3 or more), float32: in the world [m]. facets (n or more, k, 3, 3), float32: corners [m] of the
         triangles of each solid about its position, in world axes. frame (12,): as of a part, from the world. radius: of
-        a ball [m] that holds each solid; those that are hidden as wholes are left out.
-        """
+        a ball [m] that holds each solid; those that are hidden as wholes are left out."""
         self._numbers[5] = radius
         with default_precision("f32"):
             self._grains_launch(positions, facets, np.ascontiguousarray(frame, np.float32), self._numbers, depth)

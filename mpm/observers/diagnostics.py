@@ -76,9 +76,8 @@ def momentum_after_advance(r: Readings) -> Momentum:
 
 def eigenvalues(a: np.ndarray) -> np.ndarray:
     """Return the eigenvalues (3, n) of symmetric tensors, given as entries xx, yy, zz, xy, xz, yz (6, n).
-
-    By the trigonometric formula (Smith 1961, Commun. ACM 4:168), in a tenth of the time of a solver of single matrices.
-    """
+    By the trigonometric formula (Smith 1961, Commun. ACM 4:168), in a tenth of the time of a solver of single
+    matrices."""
     mean = (a[0] + a[1] + a[2]) / 3.0
     x, y, z, r, s, t = *(a[:3] - mean), *a[3:]
     scale = np.sqrt((x * x + y * y + z * z + 2.0 * (r * r + s * s + t * t)) / 6.0)
@@ -98,11 +97,10 @@ def compute_diagnostics(r: Readings) -> Diagnostics:
         speeds = np.linalg.norm(v, axis=1)
         fastest = float(np.max(speeds[finite], initial=0.0))
         energy = compute_energy(r) if not len(bad) else Energy(np.nan, np.nan, np.nan)
-        return Diagnostics(
-            mass=float(r.masses().sum()), momentum=compute_momentum(r), energy=energy,
-            cfl=fastest * r.progress.substep / r.scene.grid.cell, compaction=_compaction(r),
-            escaped=int(_find_on_walls(r, x).any((1, 2)).sum()),
-            first_non_finite=int(bad[0]) if len(bad) else None)
+        return Diagnostics(mass=float(r.masses().sum()), momentum=compute_momentum(r), energy=energy,
+                           cfl=fastest * r.progress.substep / r.scene.grid.cell, compaction=_compaction(r),
+                           escaped=int(_find_on_walls(r, x).any((1, 2)).sum()),
+                           first_non_finite=int(bad[0]) if len(bad) else None)
 
 
 def _find_on_walls(r: Readings, x: np.ndarray) -> np.ndarray:
@@ -139,15 +137,11 @@ def _compaction(r: Readings) -> float:
 
 def describe_divergence(r: Readings, dt: float, lost: Sequence[int] = ()) -> SimulationDiverged:
     """Return the error for a state that is not finite, or too fast for substeps of dt [s].
-
-    lost: mobile colliders whose motion is not finite.
-    """
+    lost: mobile colliders whose motion is not finite."""
     speeds = np.linalg.norm(r.velocities(), axis=1)
     worst = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
-    error = SimulationDiverged(
-        time=r.progress.time, step=r.progress.steps, particle=worst, position=tuple(r.positions()[worst].tolist()),
-        speed=float(speeds[worst]), cfl=float(speeds[worst] * dt / r.scene.grid.cell),
-        collider=lost[0] if lost else None,
-    )
+    error = SimulationDiverged(time=r.progress.time, step=r.progress.steps, particle=worst,
+                               position=tuple(r.positions()[worst].tolist()), speed=float(speeds[worst]),
+                               cfl=float(speeds[worst] * dt / r.scene.grid.cell), collider=lost[0] if lost else None)
     error.diagnostics = compute_diagnostics(r)
     return error

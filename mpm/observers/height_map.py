@@ -29,10 +29,8 @@ class Raster(NamedTuple):
 @ti.data_oriented
 class HeightMap:
     """Draws particles as overlapping spheres and keeps the highest point of each pixel's centre.
-
     spacing: side [m] of the particles' cubes, the cube root of their volume. Raises InvalidValue for a raster without
-    pixels or area, and for a spacing that is not positive.
-    """
+    pixels or area, and for a spacing that is not positive."""
 
     def __init__(self, raster: Raster, spacing: float) -> None:
         lower, upper = np.array(raster.lower, float), np.array(raster.upper, float)
@@ -46,9 +44,7 @@ class HeightMap:
 
     def draw(self, positions: np.ndarray, floor: np.ndarray) -> np.ndarray:
         """Return the heights [m] (nx, ny), float32, of particles at positions [m] (n, 3 or more), float32.
-
-        floor (nx, ny), float32: heights [m] without particles; the result is never below them.
-        """
+        floor (nx, ny), float32: heights [m] without particles; the result is never below them."""
         heights = floor.copy()
         with default_precision("f32"):
             self._launch(positions, self._scale, heights)

@@ -14,9 +14,7 @@ class Momentum(NamedTuple):
 
 class Progress:
     """Time [s], substeps since the start, and sums of the last advance.
-
-    rows: of the ledger, see `LedgerRows`. dt: substep [s].
-    """
+    rows: of the ledger, see `LedgerRows`. dt: substep [s]."""
 
     def __init__(self, rows: int, dt: float) -> None:
         self.time, self.steps, self.substep = 0.0, 0, dt

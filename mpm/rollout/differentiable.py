@@ -28,9 +28,7 @@ def check_differentiable(core: Core) -> None:
 
 def check_adjoint(owner: type, function: str, what: str, protocol: str) -> None:
     """Raise InvalidValue for a class without the adjoint of one of its Taichi functions.
-
-    An adjoint that is inherited while the function is not would be that of another function.
-    """
+    An adjoint that is inherited while the function is not would be that of another function."""
     adjoint = f"{function}_back"
     ranks = [next((rank for rank, base in enumerate(owner.__mro__) if name in vars(base)), 0)
              for name in (function, adjoint)]

@@ -40,11 +40,9 @@ class Moved:
 @ti.data_oriented
 class AdjointKernel:
     """The kernel of one rollout.
-
     history: the states after every substep. depth: the most substeps of a stride. materials: whether adjoints of the
     laws' parameters are computed. limit: largest entry of an adjoint of the state, to which larger ones are clipped;
-    None: not compiled. soft, svd: see `ForwardIntermediates`.
-    """
+    None: not compiled. soft, svd: see `ForwardIntermediates`."""
 
     def __init__(self, fields: Fields, history: StateBank, *, depth: int, materials: bool,
                  limit: float | None, soft: float, svd: bool) -> None:
@@ -72,12 +70,10 @@ class AdjointKernel:
             motion: ti.types.ndarray(), loss_bar: ti.types.ndarray(), motion_bar: ti.types.ndarray(),
             norms: ti.types.ndarray(), mobile: ti.types.ndarray(), out: ti.types.ndarray()):
         """Run `substeps` of dt [s] from the state in slot `first` on and store every state; or reverse them.
-
         To reverse them, `bars` hold the adjoints of the state after them. motion (1, substeps, COLUMNS): of the tool.
         loss_bar (k, 6, packs, LANES): what the loss adds to the adjoints of positions and velocities in slot interval,
         2 interval ... Written: motion_bar (substeps, COLUMNS); norms (k, 3) of the adjoints of positions, velocities
-        and all in slot 0, interval, 2 interval ...; out: status in its last row.
-        """
+        and all in slot 0, interval, 2 interval ...; out: status in its last row."""
         ti.loop_config(serialize=True)
         for _ in range(1):
             done = 0
@@ -129,9 +125,8 @@ class AdjointKernel:
             run_phase(self.fields, phase, ti.static(ThreadGroup()), step)
 
     @ti.func
-    def reverse_stride(self, first: ti.i32, begin: ti.i32, span: ti.i32, interval: ti.i32, dt,
-                       motion: ti.template(), loss_bar: ti.template(), motion_bar: ti.template(),
-                       norms: ti.template()):
+    def reverse_stride(self, first: ti.i32, begin: ti.i32, span: ti.i32, interval: ti.i32, dt, motion: ti.template(),
+                       loss_bar: ti.template(), motion_bar: ti.template(), norms: ti.template()):
         """Reverse the substeps begin .. begin + span - 1, which have just been repeated."""
         for reverse in range(span):
             k = span - 1 - reverse
@@ -206,8 +201,7 @@ class AdjointKernel:
     @ti.func
     def measure(self, norms: ti.template(), s):
         """Store the norms of the adjoints of positions, velocities and all; not finite if any entry is not."""
-        for which, fields in ti.static(((POSITIONS, self.bars.x), (VELOCITIES, self.bars.v),
-                                        (ALL, self.state_bars))):
+        for which, fields in ti.static(((POSITIONS, self.bars.x), (VELOCITIES, self.bars.v), (ALL, self.state_bars))):
             total = ti.cast(0.0, ti.f64)
             for q in range(self.fields.particles.pack_count[None]):
                 for field in ti.static(fields):

@@ -46,10 +46,8 @@ Loss = Callable[[RolloutStates], LossGradient]
 @dataclass(frozen=True)
 class WeightedDistance:
     """Sum over steps and particles of the weighted Manhattan distance to a goal, times `scale`.
-
     goal: [m] (3,). weights: (3,). chosen: indices of the particles that count; None: all. scale: factor per step
-    (n_steps,) or a number. nearest: only so many of the particles count, those closest to the goal at each step.
-    """
+    (n_steps,) or a number. nearest: only so many of the particles count, those closest to the goal at each step."""
 
     goal: np.ndarray
     weights: np.ndarray

@@ -1,8 +1,6 @@
 """The adjoint of each phase of a substep, by the phase's name.
-
 A scene whose phases all stand here can be differentiated. Each adjoint is called as run(adjoint, step): `adjoint` is
-the `AdjointKernel` with the fields, `step` says which substep is reversed.
-"""
+the `AdjointKernel` with the fields, `step` says which substep is reversed."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

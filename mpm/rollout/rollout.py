@@ -246,16 +246,13 @@ class Rollout:
         if self._tool is not None:
             poses[self._tool] = np.concatenate(self._path.pose(self.n_steps))
         named = {name: particles.read(fields) for name, fields in particles.named_fields().items()}
-        return self.start | named | {
-            "poses": poses, "time": self.start["time"] + self.n_steps * self.step_dt,
-            "steps": self.start["steps"] + self.n_steps * self.substeps}
+        return self.start | named | {"poses": poses, "time": self.start["time"] + self.n_steps * self.step_dt,
+                                     "steps": self.start["steps"] + self.n_steps * self.substeps}
 
     # backwards -------------------------------------------------------------------------------------------------------
     def _differentiate(self, begin: int, end: int, level: int, slot: int) -> None:
         """Differentiate steps begin .. end - 1, whose first state is the checkpoint in `slot`.
-
-        The adjoints hold the derivatives by the state after them.
-        """
+        The adjoints hold the derivatives by the state after them."""
         plan = self.schedule
         if level == plan.levels:
             self._start_from(slot)

@@ -32,9 +32,7 @@ class Schedule(NamedTuple):
 
 def plan_schedule(steps: int, substeps: int, n_bytes: int, budget: int) -> Schedule:
     """Return the schedule with the least recomputation whose states, of n_bytes each, fit into a budget [bytes].
-
-    Raises InvalidValue where none fits.
-   """
+    Raises InvalidValue where none fits."""
     smallest = math.inf
     for levels in range(DEPTH + 1):
         plan = _smallest(steps, substeps, n_bytes, levels)

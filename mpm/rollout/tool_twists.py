@@ -1,8 +1,6 @@
 """A tool's motion from a constant twist a step, and its adjoint.
-
 Each step adds dt * linear to the tool's position and turns it by dt * angular, in world axes; within the step the tool
-follows the screw between. The rows are differentiated by complex steps (Squire and Trapp 1998), exact to rounding.
-"""
+follows the screw between. The rows are differentiated by complex steps (Squire and Trapp 1998), exact to rounding."""
 
 from typing import NamedTuple
 
@@ -38,10 +36,8 @@ def integrate_twists(start: Pose, linear: np.ndarray, angular: np.ndarray, dt: f
 def motion_rows(position: np.ndarray, matrix: np.ndarray, shift: np.ndarray, turn: np.ndarray, dt: float,
          n: int) -> np.ndarray:
     """Return the rows (..., n, COLUMNS) of the motion table in the n substeps of a step of dt [s].
-
     The step begins at position (..., 3) and matrix (..., 3, 3); shift [m] (..., 3) and turn [rad] (..., 3) are in world
-    axes.
-    """
+    axes."""
     u = (np.arange(1, n + 1) / n)[:, None]
     screw = np.linalg.solve(left_jacobian(turn), shift[..., None])[..., None, :, :]
     part = u * turn[..., None, :]
@@ -71,10 +67,8 @@ class TwistGradient(NamedTuple):
 def differentiate_twists(path: ToolPath, linear: np.ndarray, angular: np.ndarray, dt: float, table_bar: np.ndarray,
                          pose_bar: np.ndarray) -> TwistGradient:
     """Return the derivatives with respect to the twists.
-
-    table_bar: adjoint of the motion table (steps, n, COLUMNS). pose_bar: adjoint of the poses after every step
-    (steps, 6): by position, and by a turn in world axes.
-    """
+    table_bar: adjoint of the motion table (steps, n, COLUMNS). pose_bar: adjoint of the poses after every step (steps,
+    6): by position, and by a turn in world axes."""
     steps, n, _ = table_bar.shape
     shift, turn = dt * np.asarray(linear, complex), dt * np.asarray(angular, complex)
     direct = np.empty((2, steps, 3))

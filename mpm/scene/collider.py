@@ -69,9 +69,7 @@ def check_friction(friction: float) -> None:
 
 def normals_at(shell: Shape, orifice: Orifice) -> np.ndarray:
     """Return the normals (n, 3) of a shell's mid-surface at the holes of an orifice.
-
-    Raises InvalidValue for a hole that is not in the shell, or whose axis is more than 45 deg off the normal.
-    """
+    Raises InvalidValue for a hole that is not in the shell, or whose axis is more than 45 deg off the normal."""
     normals, distance = shell.nearest_normals(orifice.positions)
     cosine = np.abs(np.einsum("nd,nd->n", normals, orifice.axes))
     for n in np.flatnonzero((distance > shell.thickness) | (cosine < OBLIQUE)):

@@ -75,11 +75,9 @@ class Features:
 
 def features_of(scene: Scene, numerics: Numerics, *, strides: bool = True, body_acceleration: bool = False) -> Features:
     """Derive the features of a scene.
-
     numerics: with precision and integrator chosen. Raises InvalidValue for a scene with sleeping on a GPU, and with
     body accelerations; for one with orifices on a GPU, and with a fluid; for fluids of several `volume_rate`, and with
-    sleeping for one of "cell".
-    """
+    sleeping for one of "cell"."""
     bodies, colliders, sleep = scene.bodies, scene.colliders, bool(numerics.sleep)
     thin = [c.sdf.is_thin for c in colliders]
     mobile, periodic = tuple(i for i, c in enumerate(colliders) if c.mobile), scene.walls.periodic
@@ -95,20 +93,16 @@ def features_of(scene: Scene, numerics: Numerics, *, strides: bool = True, body_
         if orifices and body.material.state == "volume":
             raise InvalidValue(f"Solver: collider {orifices[0][0]} has orifices, and bodies[{place}] is a fluid, which "
                                "does not flow by Beverloo's law; accepted: granular materials")
-    return Features(
-        precision=numerics.precision or "", integrator=numerics.integrator or "",
-        volume_correction=any(b.material.has_volume_correction for b in bodies),
-        tensor_state=any(b.material.state != "volume" for b in bodies),
-        volume_state=any(b.material.state == "volume" for b in bodies),
-        body_acceleration=body_acceleration, strides=strides, periodic=periodic,
-        serial=not is_concurrent(),
-        moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
-        shells=tuple(i for i in range(len(colliders)) if thin[i]),
-        mobile=mobile,
-        static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]),
-        sleep=sleep, touching=numerics.contact == "touching" and any(not t for t in thin),
-        orifices=orifices, cell_rates=_has_cell_rates(bodies, sleep),
-    )
+    return Features(precision=numerics.precision or "", integrator=numerics.integrator or "",
+                    volume_correction=any(b.material.has_volume_correction for b in bodies),
+                    tensor_state=any(b.material.state != "volume" for b in bodies),
+                    volume_state=any(b.material.state == "volume" for b in bodies), body_acceleration=body_acceleration,
+                    strides=strides, periodic=periodic, serial=not is_concurrent(),
+                    moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
+                    shells=tuple(i for i in range(len(colliders)) if thin[i]), mobile=mobile,
+                    static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]), sleep=sleep,
+                    touching=numerics.contact == "touching" and any(not t for t in thin), orifices=orifices,
+                    cell_rates=_has_cell_rates(bodies, sleep))
 
 
 def _has_cell_rates(bodies: list[Body], sleep: bool) -> bool:

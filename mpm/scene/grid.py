@@ -58,7 +58,5 @@ class Grid:
         upper = lower + self.cells * self.cell
         outside = np.flatnonzero(np.any((positions < lower - slack) | (positions > upper + slack), axis=1))
         if len(outside):
-            raise InvalidValue(
-                f"{what}{len(outside)} particles lie outside the grid {self.lower} .. {tuple(upper)} m, "
-                f"first: particle {outside[0]} at {tuple(positions[outside[0]])}"
-            )
+            raise InvalidValue(f"{what}{len(outside)} particles lie outside the grid {self.lower} .. {tuple(upper)} m, "
+                               f"first: particle {outside[0]} at {tuple(positions[outside[0]])}")

@@ -77,9 +77,7 @@ def check_stress(material: Material, stress: np.ndarray, count: int) -> np.ndarr
 
 def state_under(material: Material, stress: np.ndarray) -> np.ndarray:
     """Return what particles remember under Cauchy stresses [Pa] (n, 3, 3).
-
-    That is e = b - I, entries xx, yy, zz, xy, xz, yz (n, 6), for a solid, and J - 1 (n, 1) for a fluid at rest.
-    """
+    That is e = b - I, entries xx, yy, zz, xy, xz, yz (n, 6), for a solid, and J - 1 (n, 1) for a fluid at rest."""
     if material.state == "volume":
         return (np.trace(stress, axis1=1, axis2=2) / (3.0 * material.lam))[:, None]
     values, axes = np.linalg.eigh(stress)

@@ -29,9 +29,8 @@ def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.
     return points
 
 
-def sample_box(
-    lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None = None
-) -> np.ndarray:
+def sample_box(lower: ArrayLike, upper: ArrayLike, spacing: float,
+               rng: np.random.Generator | None = None) -> np.ndarray:
     """Return positions [m] (n, 3) on a lattice in the box from lower to upper [m].
 
     spacing: distance [m] between them, adjusted so that the box is filled. rng: displaces them at random; None: regular
@@ -40,9 +39,8 @@ def sample_box(
     return _lattice(lower, upper, spacing, rng)
 
 
-def sample_cylinder(
-    centre: ArrayLike, radius: float, height: float, spacing: float, rng: np.random.Generator | None = None
-) -> np.ndarray:
+def sample_cylinder(centre: ArrayLike, radius: float, height: float, spacing: float,
+                    rng: np.random.Generator | None = None) -> np.ndarray:
     """Return positions [m] (n, 3) in an upright cylinder with `centre` [m] (3,) of its base; see `sample_box`."""
     centre = np.asarray(centre, float)
     points = _lattice(centre - [radius, radius, 0.0], centre + [radius, radius, height], spacing, rng)

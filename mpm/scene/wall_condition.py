@@ -162,9 +162,7 @@ class Friction(Slip):
 
 def check_condition(where: str, condition: Any) -> None:
     """Raise InvalidValue for an object that lacks what `WallCondition` asks for.
-
-    where: its side, for the message.
-    """
+    where: its side, for the message."""
     name = condition.__name__ + " (a class)" if isinstance(condition, type) else type(condition).__name__
     missing = [member for member in ("separable", "parameters", "mirror", "slide") if not hasattr(condition, member)]
     accepted = "accepted: the name of a condition, or one as mpm.scene.wall_condition.WallCondition describes it"

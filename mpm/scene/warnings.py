@@ -131,9 +131,7 @@ def _warn_of_spacing(i: int, body: Body, cell: float) -> None:
 
 def _second_neighbours(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return distances [m] to the second neighbours of some particles, and which particles these are.
-
-    Measured in windows around a few of them, each with about `WINDOW` others, since a tree of all is slow.
-    """
+    Measured in windows around a few of them, each with about `WINDOW` others, since a tree of all is slow."""
     extents = np.ptp(positions, axis=0)
     extents = extents[extents > 1e-3 * extents.max()] if extents.max() > 0 else np.ones(3)
     spacing = float((np.prod(extents) / len(positions)) ** (1.0 / len(extents)))

@@ -1,7 +1,5 @@
 """The list of blocks of nodes that hold material.
-
-A block is active in a substep when it carries the number of that substep as its stamp.
-"""
+A block is active in a substep when it carries the number of that substep as its stamp."""
 
 from mpm.backend import ti
 from mpm.scene.grid import BLOCK
@@ -17,9 +15,7 @@ def wrap_stamp(stamp: int) -> int:
 @ti.func
 def mark_pack(grid: ti.template(), x: ti.template(), q, inverse_cell, last: ti.i32, stamp: ti.i32, left_out: ti.i32):
     """Activate the blocks that the stencils of a pack reach; return the last key.
-
-    last: the key of the previous lane. left_out: bits of lanes that activate nothing.
-    """
+    last: the key of the previous lane. left_out: bits of lanes that activate nothing."""
     nodes = first_nodes(grid, x, q, inverse_cell)[0]
     key = last
     for lane in ti.static(range(LANES)):

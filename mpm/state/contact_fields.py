@@ -1,9 +1,7 @@
 """Fields that contact needs: static colliders, shells and their holes, nodes and particles at colliders that move.
-
 A phase fills a list in its order with one thread; several take places from a counter. Threads of a CPU do so in any
 order, but each in the order of its own part: sorted by part, a list is the same in every run. On a GPU lists whose
-order matters, because each entry changes what the next one meets, are ranked by particle.
-"""
+order matters, because each entry changes what the next one meets, are ranked by particle."""
 
 from collections.abc import Mapping, Sequence
 
@@ -144,9 +142,7 @@ class PenetratingParticles:
 
 class MobileContact:
     """The nodes that each mobile collider touches in this substep, and room for six equations.
-
-    parts: parts of several threads of a CPU; 0: the lists need no sorting. recedes: a collider has orifices.
-    """
+    parts: parts of several threads of a CPU; 0: the lists need no sorting. recedes: a collider has orifices."""
 
     def __init__(self, capacities: list[int], precision: str, parts: int = 0, recedes: bool = False) -> None:
         real = real_type(precision)
@@ -201,9 +197,7 @@ def rank_of(keys: ti.template(), place, count):
 @ti.func
 def sort_by_part(order: ti.template(), part: ti.template(), begins: ti.template(), first, count):
     """Write the places first .. first + count - 1 of a list to `order` from `first` on, part by part.
-
-    part: of each place, of which those of one part are in order. begins (parts + 1,): for its own use.
-    """
+    part: of each place, of which those of one part are in order. begins (parts + 1,): for its own use."""
     for p in range(begins.shape[0]):
         begins[p] = 0
     for n in range(first, first + count):

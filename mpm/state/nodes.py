@@ -8,10 +8,8 @@ from mpm.scene.grid import BLOCK, Grid
 
 class GridFields:
     """Node values and the list of active blocks.
-
     With `layers` = 2 every node exists twice, the second time `width` places farther along x: material that a thin
-    shell separates from a node meets the shell there, in a velocity field of its own (see `shell_sides`).
-    """
+    shell separates from a node meets the shell there, in a velocity field of its own (see `shell_sides`)."""
 
     def __init__(self, grid: Grid, precision: str, layers: int = 1, lists: bool = True, parts: int = 0) -> None:
         real = real_type(precision)
@@ -55,9 +53,7 @@ def in_first_layer(grid: ti.template(), I):
 @ti.func
 def first_nodes(grid: ti.template(), x: ti.template(), q, inverse_cell):
     """Return the first nodes of the stencils of pack q (three integer packs), and the offsets from them in cells.
-
-    Offsets lie in [0.5, 1.5). Nodes stay inside the array even when a position is not finite.
-    """
+    Offsets lie in [0.5, 1.5). Nodes stay inside the array even when a position is not finite."""
     return stencil(grid, [once(x[d][q] * inverse_cell) for d in range(3)])
 
 

@@ -1,8 +1,6 @@
 """Packs of particles: the lanes of a pack, the loops of kernels over packs, and copies of pack fields.
-
 Kernels run over the places 0 .. `count_packs` - 1; `pack_at` says which pack stands at a place. Both leave out packs
-that need no update.
-"""
+that need no update."""
 
 import numpy as np
 
@@ -80,9 +78,7 @@ def is_active(fields: ti.template(), q, l):
 @ti.data_oriented
 class Packs:
     """Pack fields of one length and type, copied all in one kernel: one a field would take 0.1 s each to compile.
-
-    count: that length as a field, see `ParticleFields.pack_count`. dtype: of the fields, as NumPy has it.
-    """
+    count: that length as a field, see `ParticleFields.pack_count`. dtype: of the fields, as NumPy has it."""
 
     def __init__(self, fields: list, count, dtype: type) -> None:  # noqa: ANN001  (a taichi field)
         self.fields, self.count, self._dtype, self.on_gpu = fields, count, dtype, is_shared()
@@ -99,9 +95,7 @@ class Packs:
 
     def write(self, fields: list, values: np.ndarray) -> None:
         """Write values (k, packs, LANES) into k of the fields, as soon as these are laid out.
-
-        Raises InvalidValue for values of another shape, and for a field that is none of these or given twice.
-        """
+        Raises InvalidValue for values of another shape, and for a field that is none of these or given twice."""
         rows, accepted = self._rows(fields), (len(fields), *self.fields[0].shape, LANES)
         if values.shape != accepted:
             raise InvalidValue(f"Packs: values of shape {values.shape}; accepted: {accepted}")

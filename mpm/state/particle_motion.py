@@ -49,10 +49,9 @@ def move_lane(fields: ti.template(), P: ti.template(), q, l, displacement):
 @ti.func
 def displaced(fields: ti.template(), x, remainder, displacement, axis: ti.template()):
     """Return the coordinate [m] after a displacement [m], and the new remainder [m]; for packs and single numbers.
-
     A compensated sum (Kahan 1965, Comm. ACM 8, 40): coordinates move by whole quanta, which is exact, and the rest of a
-    displacement is kept. Kahan's own difference (x + displacement) - x is `displacement` to a compiler with fast-math.
-    """
+    displacement is kept. Kahan's own difference (x + displacement) - x is `displacement` to a compiler with
+    fast-math."""
     quantum = ti.static(fields.quantum[axis])
     total = remainder + displacement
     count = total * ti.static(1.0 / quantum)

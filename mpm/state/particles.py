@@ -19,9 +19,7 @@ AT_WALL = 1e-4
 
 class ParticleFields:
     """Fields of all particles; entry q, lane l is particle LANES q + l. Positions are relative to the grid's corner.
-
-    counts: particles of each body. `fill` gives them a state.
-    """
+    counts: particles of each body. `fill` gives them a state."""
 
     def __init__(self, counts: tuple[int, ...], features: Features) -> None:
         real = real_type(features.precision)
@@ -137,9 +135,7 @@ class ParticleFields:
 
     def pack(self, values: np.ndarray, padding: float | None = None) -> np.ndarray:
         """Return values (n_particles, k) as k pack fields hold them (k, n_packs, LANES).
-
-        padding: what padding lanes hold, or None: they repeat the last particle of their body.
-        """
+        padding: what padding lanes hold, or None: they repeat the last particle of their body."""
         packed = np.zeros((self.n_lanes, values.shape[1]), self.dtype)
         packed[self.index] = values
         for count, (begin, end) in zip(self.counts, self.ranges):

@@ -17,9 +17,7 @@ CALM_TIME, CREEP, STRAIN, WAKE_DISPLACEMENT, CHECK_INTERVAL, FORCE, MASS, SUPPOR
 
 class Sleepers:
     """Fields that only a scene with sleeping has.
-
-    A particle sleeps once its `rest` reaches the calm time; the fields here follow from that.
-    """
+    A particle sleeps once its `rest` reaches the calm time; the fields here follow from that."""
 
     def __init__(self, grid: GridFields, n_packs: int, n_bodies: int, precision: str) -> None:
         self._dtype = np.float64 if precision == "f64" else np.float32

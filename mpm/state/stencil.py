@@ -17,11 +17,7 @@ from mpm.backend import is_shared, once, ti
 @ti.func
 def weights(f):
     """Return the weights of the three nodes at offset f [cells] from the first, in [0.5, 1.5)."""
-    return [
-        once(0.5 * (1.5 - f) * (1.5 - f)),
-        once(0.75 - (f - 1.0) * (f - 1.0)),
-        once(0.5 * (f - 0.5) * (f - 0.5)),
-    ]
+    return [once(0.5 * (1.5 - f) * (1.5 - f)), once(0.75 - (f - 1.0) * (f - 1.0)), once(0.5 * (f - 0.5) * (f - 0.5))]
 
 
 @ti.func
@@ -103,9 +99,7 @@ def scatter_shift(fields: ti.template(), step: ti.template()):
 @ti.func
 def scatter(nodes: ti.template(), layers: ti.template(), base: ti.template(), q0, a0, a1, a2, w: ti.template()):
     """Add an affine field q0 + a0 i + a1 j + a2 k, times weights w (3 axes x 3), to the 27 nodes from `base` on.
-
-    On a CPU it is a plain load and store, because one thread owns the nodes.
-    """
+    On a CPU it is a plain load and store, because one thread owns the nodes."""
     q_i = q0
     for i in ti.static(range(3)):
         q_j = q_i
@@ -133,9 +127,7 @@ def moments(w: ti.template()):
 def gather(values: ti.template(), base: ti.template(), real: ti.template(), w: ti.template(), other: ti.template(),
            start: ti.template()):
     """Return the weighted sum (4,) of values over the 27 nodes from `base` on, and those with one axis's other weights.
-
-    w, other: weights, 3 axes x 3. start: the first place at which the other weights are not zero.
-    """
+    w, other: weights, 3 axes x 3. start: the first place at which the other weights are not zero."""
     total = ti.Vector.zero(real, 4)
     by_x = total
     by_y = total

@@ -28,9 +28,7 @@ from mpm.stepping.stride import choose_interval
 
 class Core:
     """The parts of a solver of one scene.
-
-    numerics: with precision and integrator chosen. has_accelerations: whether particles have own accelerations.
-    """
+    numerics: with precision and integrator chosen. has_accelerations: whether particles have own accelerations."""
 
     def __init__(self, scene: Scene, numerics: Numerics, has_accelerations: bool) -> None:
         self.scene, self.numerics, self._has_accelerations = scene, numerics, has_accelerations
@@ -104,9 +102,7 @@ class Core:
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Load a state of this solver, or of one made from the same scene.
-
-        Raises InvalidValue, and changes nothing, for a state of another scene.
-        """
+        Raises InvalidValue, and changes nothing, for a state of another scene."""
         particles, boundaries, grid = self.fields.particles, self.fields.boundary_states, self.scene.grid
         named, poses = particles.named_fields(), self.paths.read_snapshot(state)
         arrays = [particles.read_snapshot(state, name) for name in named]

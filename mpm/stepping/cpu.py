@@ -1,9 +1,7 @@
 """The stepper of a CPU: all substeps of a launch in one kernel, touching only blocks with material.
-
 With several threads each has a part of the packs and scatters to an array of its own; these are added in their order,
 so that particles are the same to the bit in every run, with no atomic addition to a node. Each also has its own copy of
-the ledger.
-"""
+the ledger."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -48,11 +46,9 @@ RETRY_AFTER = 1.0
 @ti.data_oriented
 class CpuStepper:
     """The kernels that advance one scene on a CPU.
-
     counter: the kernel of a `RegionCounter` that takes readings within launches, or None. sample: that of a `Sample`
-    taken at the end of a launch, or None. checkpoint, undo: where a launch first copies the state to when
-    `run` asks for it, or none.
-    """
+    taken at the end of a launch, or None. checkpoint, undo: where a launch first copies the state to when `run` asks
+    for it, or none."""
 
     def __init__(self, fields: Fields, counter: CounterKernel | None = None, sample: SampleKernel | None = None,
                  checkpoint: Sequence[StateBank] = (), undo: Sequence[StateBank] = ()) -> None:
@@ -124,9 +120,8 @@ class CpuStepper:
                     group = ti.static(ThreadGroup(turn // TURNS, self.threads, numbers, alone))
                     if turn == 0 or alone == 0:
                         stripe = ti.static(Stripe(out, turn // TURNS * (out.shape[0] // self.threads)))
-                        self.run_thread(group, ti.static(
-                            Launch(substeps, stamp, dt, motion, mobile, stripe, done, interval, per_particle, sampled,
-                                   copy_to, max_stride)))
+                        self.run_thread(group, ti.static(Launch(substeps, stamp, dt, motion, mobile, stripe, done,
+                                                                interval, per_particle, sampled, copy_to, max_stride)))
 
     @ti.func
     def run_thread(self, group: ti.template(), launch: ti.template()):
@@ -154,11 +149,9 @@ class CpuStepper:
     @ti.func
     def advance(self, group: ti.template(), launch: ti.template()):
         """Advance in strides of at most `launch.max_stride` substeps.
-
         Where particles get too fast the launch ends, and the number of substeps until then stands in the output's
         status row. All threads of a group run the same loop: the values by which they branch change only before a
-        barrier. Returns whether the first thread is left alone.
-        """
+        barrier. Returns whether the first thread is left alone."""
         left, stamp, span, alone = 0, launch.stamp, 1, group.alone
         present = ti.static(group._replace(alone=alone))
         if group.thread == 0:
@@ -172,8 +165,7 @@ class CpuStepper:
                     interval = ti.cast(self.fields.sleepers.limits[CHECK_INTERVAL] / launch.dt, ti.i32)
                     next_check = s + ti.max(interval, 1)
                     if group.thread == 0:
-                        check_sleep(self.fields, launch, s,
-                                    ti.min(next_check + launch.max_stride, launch.substeps) - s,
+                        check_sleep(self.fields, launch, s, ti.min(next_check + launch.max_stride, launch.substeps) - s,
                                     launch.dt * (s - last_check))
                     synchronize(present)
                     last_check = s
@@ -194,9 +186,8 @@ class CpuStepper:
                 left = span
             left -= 1
             row, transfer_mass, moved = launch.first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
-            run_phases(self.fields, self.phases, present,
-                       ti.static(Step(row, stamp, launch.dt, transfer_mass, moved, launch.motion, launch.mobile,
-                                      launch.out)))
+            run_phases(self.fields, self.phases, present, ti.static(Step(row, stamp, launch.dt, transfer_mass, moved,
+                                                                         launch.motion, launch.mobile, launch.out)))
             if self.fields.particles.halted[None] > 0:
                 if group.thread == 0:
                     add(launch.out, self.fields.rows.status, 2, ti.cast(s + 1, ti.f64))
@@ -262,9 +253,7 @@ class CpuStepper:
 @ti.func
 def add_status(fields: ti.template(), P: ti.template(), out: ti.template(), first, last):
     """Add the squared velocities of packs, not finite if anything is not; find the largest speed [m/s].
-
-    Particles that walls hold are counted.
-    """
+    Particles that walls hold are counted."""
     total = ti.cast(0.0, ti.f64)
     fastest = ti.cast(0.0, ti.f64)
     held = 0
@@ -282,9 +271,7 @@ def add_status(fields: ti.template(), P: ti.template(), out: ti.template(), firs
 @ti.func
 def count_held_lanes(fields: ti.template(), P: ti.template(), q):
     """Return how many particles of pack q lie on the plane of a wall: `keep_inside` puts there what would have left.
-
-    Walls towards which gravity pulls are floors: what lies or is pressed on them leaves nothing.
-    """
+    Walls towards which gravity pulls are floors: what lies or is pressed on them leaves nothing."""
     outward = 0.0 * P.x[0][q] - fields.cell
     gravity = fields.parameters.gravity[None]
     for d in ti.static(range(3)):

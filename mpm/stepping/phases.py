@@ -1,9 +1,7 @@
 """The order of a substep: one list of phases that every stepper runs through.
-
 A phase is a Taichi function that runs over a stretch of packs, of active blocks, or once. The stepper of a CPU runs the
 phases one after the other in one launch, that of a GPU each as a parallel loop over parts, and the differentiated one
-runs them forwards, and backwards through the adjoint that each names.
-"""
+runs them forwards, and backwards through the adjoint that each names."""
 
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
@@ -98,10 +96,8 @@ class Launch(NamedTuple):
 
 class Phase(NamedTuple):
     """One phase of a substep.
-
     run(fields, step, first, last) works on a stretch of the domain; over "walls" it is run(fields, step, w, first,
-    last) with blocks first .. last - 1 of wall w.
-    """
+    last) with blocks first .. last - 1 of wall w."""
 
     name: str
     over: Domain

@@ -14,10 +14,8 @@ from mpm.stepping.snapshots import StateBank
 
 class Rollback:
     """Stores a solver's state and restores it: a checkpoint, any number of times, and the one before an advance.
-
     Where contact moves colliders, and so steps are often rolled back, the copy of a checkpoint is made by the next
-    launch itself; so is always the copy from which an advance that fails is undone.
-    """
+    launch itself; so is always the copy from which an advance that fails is undone."""
 
     def __init__(self, readings: Readings, paths: ColliderPaths) -> None:
         self._readings, self._paths, self._mobility = readings, paths, paths.mobility
@@ -33,9 +31,7 @@ class Rollback:
 
     def allocate(self, place: int = CHECKPOINT) -> list[StateBank]:
         """Return the banks of a place that the state is copied to: particles, then boundaries, then a counter's flags.
-
-        They take memory from the first call on.
-        """
+        They take memory from the first call on."""
         assembly, fields = self._readings.tenure.assembly, self._readings.fields
         particles, count, sleepers = fields.particles, fields.particles.pack_count, fields.sleepers
         banks = [assembly.share(("bank", place), lambda: StateBank(particles.state_fields, count, 1,

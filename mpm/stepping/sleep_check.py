@@ -18,9 +18,7 @@ SIDE_CELLS = 8
 @ti.func
 def check_sleep(fields: ti.template(), launch: ti.template(), s, rows, elapsed):
     """Let particles fall asleep and wake, before substep s of a launch.
-
-    rows: substeps until the next check. elapsed: [s] since the last one.
-    """
+    rows: substeps until the next check. elapsed: [s] since the last one."""
     stamp = launch.stamp + s
     fields.sleepers.check[None] = fields.sleepers.check[None] + 1
     if rows > 0:
@@ -129,10 +127,8 @@ def put_to_sleep(fields: ti.template(), P: ti.template(), q, bits, density, out:
 @ti.func
 def wake_disturbed(fields: ti.template(), P: ti.template(), stamp: ti.i32):
     """Wake sleepers in blocks near a collider, and those whose nodes have moved away; return how many packs.
-
     While a particle sleeps its `rest_place` is the displacement of its nodes since it fell asleep, so that the error of
-    its stress stays bounded: vibration averages to zero and does not wake it; sustained flow does, however slow.
-    """
+    its stress stays bounded: vibration averages to zero and does not wake it; sustained flow does, however slow."""
     check, woken = fields.sleepers.check[None], 0
     limit = ti.cast(fields.sleepers.limits[WAKE_DISPLACEMENT], fields.real)
     for q in range(P.pack_count[None]):
@@ -204,9 +200,7 @@ def displacement(fields: ti.template(), node, f: ti.template(), check):
 @ti.func
 def activate_sides(fields: ti.template(), step: ti.template(), first, last):
     """Phase: where mass is transferred, activate both blocks in which a wall's plane and ghosts lie.
-
-    Where one is active and sleepers reach the other.
-    """
+    Where one is active and sleepers reach the other."""
     n = 0
     while n < fields.grid.count[None] * step.transfer_mass:
         block = fields.grid.active[n]

@@ -1,7 +1,5 @@
 """Force and mass that sleeping particles give to nodes: summed once, as they fall asleep, and taken away as they wake.
-
-The nodes that they share with particles awake are also watched: how far they move decides who wakes.
-"""
+The nodes that they share with particles awake are also watched: how far they move decides who wakes."""
 
 from mpm.backend import once, ti
 from mpm.materials.material import PARAMETERS
@@ -23,9 +21,7 @@ LIGHT = 1e-4
 @ti.func
 def apply_changes(fields: ti.template()):
     """Bring the nodes' sums up to date with the particles that sleep now, and list the packs that are awake.
-
-    Contributions are added and taken away by the same function, so that both are the same to the bit.
-    """
+    Contributions are added and taken away by the same function, so that both are the same to the bit."""
     for index, law in ti.static(enumerate(fields.laws)):
         for body in range(fields.parameters.densities.shape[0]):
             if ti.static(len(fields.laws) == 1) or fields.parameters.law_index[body] == index:
@@ -76,9 +72,7 @@ def change_pack(fields: ti.template(), P: ti.template(), q, changed, density, ta
 @ti.func
 def add_contribution(fields: ti.template(), node, f, Q, mass, sign):
     """Add sign times the contribution of one particle to the 27 nodes from `node` on: force Q (offset) and mass.
-
-    f: place of the particle from `node`, in cells. Q: (3, 3) [N] per cell.
-    """
+    f: place of the particle from `node`, in cells. Q: (3, 3) [N] per cell."""
     per_force, per_mass = 1.0 / fields.sleepers.limits[FORCE], 1.0 / fields.sleepers.limits[MASS]
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
     for i in ti.static(range(3)):
@@ -111,10 +105,8 @@ def mark_disturbed(fields: ti.template(), block, check):
 @ti.func
 def add_sleepers(fields: ti.template(), step: ti.template(), first, last):
     """Phase: add the force of sleepers, and where mass is transferred their mass, in active blocks first .. last - 1.
-
     Nodes that no waking particle has mass at are left alone, at zero: whatever sleeps there is in balance. A wall's
-    ghost counts where it is folded to.
-    """
+    ghost counts where it is folded to."""
     factors = ti.Vector([step.dt, step.dt, step.dt, ti.cast(step.transfer_mass, fields.real)])
     for n in range(first, last):
         block = fields.grid.active[n]
@@ -149,11 +141,9 @@ def is_folded_to_awake(fields: ti.template(), step: ti.template(), I):
 @ti.func
 def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last):
     """Phase: let sleepers support the nodes of active blocks first .. last - 1, and note those that move all the same.
-
     A sleeper supports a node by its fraction of the node's mass, as static friction does: up to the limit `SUPPORT`.
     The ledger's row `asleep` gets the momentum that they take from nodes, and at the end of a stride the forces of
-    sleepers on nodes, less the momentum of their mass, which the next stride begins without.
-    """
+    sleepers on nodes, less the momentum of their mass, which the next stride begins without."""
     noticed = ti.cast(NOTICED * fields.sleepers.limits[WAKE_DISPLACEMENT], fields.real)
     check = fields.sleepers.check[None] + 1
     time, ends = step.span * step.dt, ti.cast(ti.min(step.span, 1), fields.real)

@@ -20,9 +20,7 @@ SURPRISE = 2.0
 @ti.func
 def find_near_blocks(fields: ti.template(), launch: ti.template(), row, rows, stamp: ti.i32):
     """Note the blocks with particles that moving colliders can reach within `rows` substeps, from row `row` on.
-
-    stamp: of active blocks.
-    """
+    stamp: of active blocks."""
     for k, index in ti.static(enumerate(fields.features.moving_colliders)):
         travel = ti.cast(0.0, fields.real)
         radius = ti.static(fields.colliders[index].sdf.radius)

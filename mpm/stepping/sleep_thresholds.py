@@ -35,7 +35,6 @@ def sleep_limits(factor: float, scene: Scene) -> np.ndarray:
     speed = factor * SPEED * math.sqrt(pull * grid.cell)
     softest = min(body.material.lam + 2.0 * body.material.mu for body in bodies)
     compression = factor * density * pull * grid.cell / softest
-    return np.array([calm_time, speed * calm_time, STRAIN * compression,
-                     WAKE_DISPLACEMENT * compression * grid.cell, interval,
-                     stiffness * grid.cell**2 * 2.0**-FORCE_BITS, density * grid.cell**3 * 2.0**-MASS_BITS,
+    return np.array([calm_time, speed * calm_time, STRAIN * compression, WAKE_DISPLACEMENT * compression * grid.cell,
+                     interval, stiffness * grid.cell**2 * 2.0**-FORCE_BITS, density * grid.cell**3 * 2.0**-MASS_BITS,
                      factor * SUPPORT * pull])

@@ -10,11 +10,9 @@ from mpm.state.sleepers import ALL_LANES, Sleepers
 @ti.data_oriented
 class StateBank:
     """Copies of pack fields, and of flags of single particles, in numbered slots; made inside `backend.allocating`.
-
     fields: pack fields of one length and type. count: that length, as a field. slots: how many states there is room
     for. flags: fields (n_lanes,) of 8-bit integers that belong to a state, or none. sleepers: with one slot, packs that
-    have slept since they were stored are not stored again.
-    """
+    have slept since they were stored are not stored again."""
 
     def __init__(self, fields: list, count: Any, slots: int, flags: list | None = None,
                  sleepers: Sleepers | None = None) -> None:

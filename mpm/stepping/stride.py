@@ -30,12 +30,10 @@ MAX_SUBSTEPS = 64
 
 def choose_interval(interval: Interval, scene: Scene, bound: float) -> float:
     """Return the longest stride [s]: `interval`, or where that is None `LONGEST` times the bound [s].
-
     None means a single substep, 0, in two cases. Transfers are all that damps a fluid's noise: the thrust on a gate
     falls by a tenth within two seconds otherwise. And where contact moves a collider, a host cuts time as it likes: a
     swing through sand must not depend on its steps, unless "strides" says that these are known and long. Raises
-    InvalidValue for what is neither a time [s] nor "strides" nor None.
-    """
+    InvalidValue for what is neither a time [s] nor "strides" nor None."""
     if interval is None and any(collider.mobile for collider in scene.colliders):
         return 0.0
     if interval is None or interval == "strides":
@@ -47,9 +45,7 @@ def choose_interval(interval: Interval, scene: Scene, bound: float) -> float:
 
 def split_launches(total: int, interval: int) -> list[tuple[int, int]]:
     """Return (first, number) of the substeps of every launch of an advance that is read every `interval` substeps.
-
-    Strides end with a launch: so that they do not depend on what lies beyond a reading, launches end there, too.
-    """
+    Strides end with a launch: so that they do not depend on what lies beyond a reading, launches end there, too."""
     if interval <= MAX_SUBSTEPS:
         size = MAX_SUBSTEPS // interval * interval
         return [(first, min(size, total - first)) for first in range(0, total, size)]
@@ -77,10 +73,8 @@ def fastest_square(fields: ti.template(), P: ti.template(), first, last):
 def limit_stride(fields: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, most: ti.i32,
                  fastest):
     """Return the substeps, 1 to `most`, of the stride that begins with row s of the motion table.
-
     At its present speed no particle, of which `fastest` is the largest squared speed, travels more than `TRAVEL` cells,
-    no collider more than it may in a substep.
-    """
+    no collider more than it may in a substep."""
     count = within(most, dt * ti.sqrt(fastest), ti.static(TRAVEL * fields.cell))
     for row, index in ti.static(enumerate(fields.features.moving_colliders)):
         radius, limit = ti.static(fields.colliders[index].sdf.radius, TRAVEL_FRACTION * fields.cell)

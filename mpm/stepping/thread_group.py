@@ -1,10 +1,8 @@
 """A thread group: threads of a CPU that run one program together, each with its part of every phase.
-
 Taichi wakes threads for every parallel loop, which takes longer than most phases. So a launch is one such loop with a
 turn for each thread, and between phases they wait for each other at a barrier, a counter that they spin on. That is
 fast where each has a core. Where other processes take cores away, the first thread goes on alone, with one part after
-the other, so that the results are the same.
-"""
+the other, so that the results are the same."""
 
 from typing import Any, NamedTuple
 

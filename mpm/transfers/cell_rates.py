@@ -1,10 +1,8 @@
 """Rate of volume of fluids, averaged over the particles of a cell.
-
 Every particle of a fluid has a volume of its own, and so a condition on the velocities of the nodes: with eight of them
 a cell that is more than nodes can meet, and the fluid resists shear like a soft solid (volumetric locking). A mean over
 the cell leaves one condition a cell, as reduced integration does for finite elements (Hughes 1980, Int. J. Numer.
-Methods Eng. 15, 1413).
-"""
+Methods Eng. 15, 1413)."""
 
 from mpm.backend import is_shared, once, ti
 from mpm.scene.grid import BLOCK
@@ -76,9 +74,7 @@ def mean_rates(fields: ti.template(), P: ti.template(), q):
 @ti.func
 def cell_of(fields: ti.template(), P: ti.template(), q, l, base: ti.template(), f: ti.template()):
     """Return the node that the cell of a particle begins with, of the layer of its side of a shell.
-
-    base, f: first nodes and offsets of pack q.
-    """
+    base, f: first nodes and offsets of pack q."""
     I = ti.Vector([base[d][l] + ti.cast(f[d][l] >= 1.0, ti.i32) for d in ti.static(range(3))])
     if ti.static(len(fields.features.shells) > 0):
         side = ti.cast(P.side[q][l], ti.i32)

@@ -22,9 +22,7 @@ def start_nodes(fields: ti.template(), step: ti.template(), first, last):
 def scatter_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q, p: ti.template(), mass, force,
                  C: ti.template(), tau: ti.template()):
     """Scatter pack q: momentum p (3), mass, and affine momentum Q = force tau + mass C, per cell.
-
-    Particles with a side of a shell are listed instead, see `scatter_across_shells`.
-    """
+    Particles with a side of a shell are listed instead, see `scatter_across_shells`."""
     Q = [once((force * tau[FULL[i]] + mass * C[i]) * fields.cell) for i in range(9)]
     base, f = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)
     px = p[0] - Q[0] * f[0] - Q[1] * f[1] - Q[2] * f[2]
@@ -66,9 +64,7 @@ def hand_over(shells: ti.template(), c, l, node: ti.template(), f: ti.template()
 @ti.func
 def add_parts(fields: ti.template(), step: ti.template(), first, last):
     """Phase: add the arrays that threads have scattered to, in their order, at active blocks first .. last - 1.
-
-    The arrays are left at zero; the nodes begin at zero, or within a stride at the momenta of the previous substep.
-    """
+    The arrays are left at zero; the nodes begin at zero, or within a stride at the momenta of the previous substep."""
     for n in range(first, last):
         corner = fields.grid.active[n] * BLOCK
         for a, b in ti.ndrange(BLOCK, BLOCK):

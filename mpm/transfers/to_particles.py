@@ -33,9 +33,7 @@ def gather_packs(fields: ti.template(), step: ti.template(), first, last):
 @ti.func
 def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.i32, first, last):
     """Gather velocity and affine velocity of packs first .. last - 1; where dt > 0, move them for that time [s].
-
-    The blocks that moved particles reach are activated for the next substep.
-    """
+    The blocks that moved particles reach are activated for the next substep."""
     last_key = -1
     fastest = ti.Vector.zero(fields.real, LANES)
     squares = fastest

@@ -9,18 +9,16 @@ from mpm.materials.stress_update import LEAST_RATIO
 from mpm.state.packs import LANES
 
 DIRECTIONS = 20
-LAWS = {
-    "hencky": mpm.Elastic(E=1e5, nu=0.3, density=1000.0),
-    "neo_hookean": mpm.Elastic(E=1e5, nu=0.3, density=1000.0, model="neo_hookean"),
-    "fixed_corotated": mpm.Elastic(E=1e5, nu=0.3, density=1000.0, model="fixed_corotated"),
-    "von_mises": mpm.VonMises(E=1e5, nu=0.3, density=1000.0, yield_stress=4e3),
-    "sand": mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0),
-    "cohesive_sand": mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0, cohesion=2e3),
-    "mu_i": mpm.MuIRheology(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=20.0, limit_angle_deg=35.0, cohesion=2e3,
-                            grain_diameter=1e-3, grain_density=2500.0),
-    "fluid": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0),
-    "fluid_without_tension": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0, tension=False),
-}
+LAWS = {"hencky": mpm.Elastic(E=1e5, nu=0.3, density=1000.0),
+        "neo_hookean": mpm.Elastic(E=1e5, nu=0.3, density=1000.0, model="neo_hookean"),
+        "fixed_corotated": mpm.Elastic(E=1e5, nu=0.3, density=1000.0, model="fixed_corotated"),
+        "von_mises": mpm.VonMises(E=1e5, nu=0.3, density=1000.0, yield_stress=4e3),
+        "sand": mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0),
+        "cohesive_sand": mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0, cohesion=2e3),
+        "mu_i": mpm.MuIRheology(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=20.0, limit_angle_deg=35.0,
+                                cohesion=2e3, grain_diameter=1e-3, grain_density=2500.0),
+        "fluid": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0),
+        "fluid_without_tension": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0, tension=False)}
 
 
 @pytest.mark.parametrize("name", [name if name in ("sand", "mu_i", "fluid", "fluid_without_tension", "fixed_corotated")
@@ -48,8 +46,7 @@ def compare_with_differences(element: AdjointElement, state: np.ndarray, C: np.n
     for _ in range(DIRECTIONS):
         to_state, to_C = rng.standard_normal(state.shape), 1e3 * rng.standard_normal(C.shape)
         to_p, h = p * rng.standard_normal(8), 1e-6
-        ends = [np.sum(weights * element.forward(state + s * to_state, C + s * to_C, p + s * to_p))
-                for s in (h, -h)]
+        ends = [np.sum(weights * element.forward(state + s * to_state, C + s * to_C, p + s * to_p)) for s in (h, -h)]
         terms = [np.sum(state_bar * to_state), np.sum(C_bar * to_C), np.sum(p_bar * to_p)]
         difference = (ends[0] - ends[1]) / (2 * h)
         assert abs(sum(terms) - difference) <= 1e-6 * np.abs(terms).max()

@@ -1,7 +1,5 @@
 """Solvers used in forked processes and in several threads, in a process of its own: a line of JSON on standard output.
-
-`python other_owners.py fork|fork_in_thread|thread|init_in_thread`.
-"""
+`python other_owners.py fork|fork_in_thread|thread|init_in_thread`."""
 
 import hashlib
 import json

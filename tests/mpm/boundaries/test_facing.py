@@ -12,9 +12,7 @@ LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 def impulse(contact: Contact, place: float, gap: float, *, static: bool) -> np.ndarray:
     """Return the impulse [N s] (3,) of the first substep on a plate above a bar that rises.
-
-    place: of the bar's end above a plane of nodes, gap: of the plate above it [cells].
-    """
+    place: of the bar's end above a plane of nodes, gap: of the plate above it [cells]."""
     end = 0.08 + place * CELL
     grains = mpm.sample_box((0.06, 0.06, end - 0.04), (0.12, 0.12, end), CELL / 2)
     plate = mpm.Collider(mpm.Sdf.box((0.06, 0.06, 0.02)), friction=0.0, static=static,
@@ -34,10 +32,8 @@ def impulse(contact: Contact, place: float, gap: float, *, static: bool) -> np.n
 @pytest.mark.parametrize("static", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_end_of_a_bar_is_held_whole(static: bool) -> None:
     """Nodes with little mass, behind the plate's face and beside the bar, are held as the others are.
-
     Wherever the nodes are: the impulse is then that of "near", which holds all nodes about the end. Before, those
-    behind the face were left, and an elastic bar settled up to a quarter too much.
-    """
+    behind the face were left, and an elastic bar settled up to a quarter too much."""
     for place in (0.0, 0.6):
         held, all_held = (impulse(c, place, 0.0, static=static) for c in ("touching", "near"))
         assert held[2] == pytest.approx(all_held[2], rel=1e-3), place

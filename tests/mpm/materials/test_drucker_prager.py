@@ -1,7 +1,5 @@
 """Drucker-Prager return mapping against vectors computed with 50-digit arithmetic (validation section B1).
-
-The vectors follow Klar et al. 2016, ACM TOG 35(4):103; E = 3.537e5 Pa, nu = 0.3.
-"""
+The vectors follow Klar et al. 2016, ACM TOG 35(4):103; E = 3.537e5 Pa, nu = 0.3."""
 
 import numpy as np
 import pytest

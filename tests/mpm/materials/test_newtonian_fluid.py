@@ -157,10 +157,8 @@ def test_a_cell_has_one_rate_of_volume() -> None:
 
 def test_a_fluid_with_the_rate_of_its_cell_shears_freely() -> None:
     """A steady flow without compression loses to transfers alone; by its particles' rates it is resisted besides.
-
     What transfers take is what a fluid loses that resists no compression. The rate of the cell leaves less than half of
-    the resistance: the flow has no compression on average over a cell.
-    """
+    the resistance: the flow has no compression on average over a cell."""
     positions = mpm.sample_box((0, 0, 0), (0.4, 0.08, 0.4), CELL / 2)
     dt = choose_step(None, CELL, [mpm.NewtonianFluid(bulk_modulus=BULK, density=1000.0)])
     kept = {}

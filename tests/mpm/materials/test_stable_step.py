@@ -25,9 +25,7 @@ def resonant_share(nu: float) -> float:
 
 def largest_strain(nu: float, shares: np.ndarray, steps: int, amplitude: float = 0.01) -> np.ndarray:
     """Largest |b - I| of lone neo-Hookean particles with steps of these shares of the bound; infinite if it diverges.
-
-    The map of a substep without the grid: C <- C - 4 dt tau / (density cell^2), b <- (I + dt C) b (I + dt C)^T.
-    """
+    The map of a substep without the grid: C <- C - 4 dt tau / (density cell^2), b <- (I + dt C) b (I + dt C)^T."""
     mu, lam, eye, n = 1 / (2 * (1 + nu)), nu / ((1 + nu) * (1 - 2 * nu)), np.eye(3), len(shares)
     dt = shares * isolated_particle_bound(1.0, 1.0, mu, lam)
     stretch = np.random.default_rng(0).normal(size=(n, 3, 3)) * amplitude

@@ -19,12 +19,10 @@ from mpm.stepping.snapshots import StateBank
 CELL, STEPS, SUBSTEPS = 0.01, 100, 5
 STRIDE = 1.0
 """[s]: as long as a rollout's step and the grains' travel allow, in fluids too."""
-LAWS = {
-    "fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
-    "clay": mpm.VonMises(E=2e5, nu=0.3, density=1500.0, yield_stress=2e3),
-    "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
-    "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0),
-}
+LAWS = {"fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
+        "clay": mpm.VonMises(E=2e5, nu=0.3, density=1500.0, yield_stress=2e3),
+        "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
+        "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)}
 
 
 def scene(*laws, precision: str = "f64", interval: float = STRIDE, **options) -> mpm.Solver:

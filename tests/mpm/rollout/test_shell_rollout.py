@@ -11,11 +11,9 @@ from mpm.materials.material import Material
 CELL, SUBSTEPS = 0.01, 5
 STRIDE = 1.0
 """[s]: as long as a rollout's step and the grains' travel allow."""
-LAWS = {
-    "fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
-    "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
-    "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0),
-}
+LAWS = {"fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
+        "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
+        "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)}
 
 
 def bowl_scene(law: Material, interval: float) -> mpm.Solver:

@@ -9,9 +9,8 @@ import mpm
 SAND = {"E": 1e5, "nu": 0.2, "density": 1500.0, "friction_angle_deg": 30.0}
 
 
-def solver(
-    bodies: list[mpm.Body], colliders: list[mpm.Collider] | None = None, cell: float = 0.01, **more
-) -> mpm.Solver:
+def solver(bodies: list[mpm.Body], colliders: list[mpm.Collider] | None = None, cell: float = 0.01,
+           **more) -> mpm.Solver:
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), cell), bodies=bodies, colliders=colliders, **more)
 
 

@@ -1,8 +1,6 @@
 """Advances one block of sand with and without features that never act; prints whether every bit agrees: "together", all
-of them in one scene, or "apart", a scene each.
-
-Run as a process of its own: bits are compared in double precision with IEEE order, which the backend fixes for good.
-"""
+of them in one scene, or "apart", a scene each. Run as a process of its own: bits are compared in double precision with
+IEEE order, which the backend fixes for good."""
 
 import json
 import sys
@@ -29,9 +27,7 @@ DT = 2e-4
 def state(colliders: list[mpm.Collider], bodies: int = 1, transfer_interval: float = 10 * DT,
           accelerated: bool = False, sleep: bool = False) -> dict[str, np.ndarray]:
     """State of the sand after 0.03 s; a second body lies far from it.
-
-    accelerated: every grain by nothing. sleep: grains could sleep, but none is at rest.
-    """
+    accelerated: every grain by nothing. sleep: grains could sleep, but none is at rest."""
     sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
     positions = block()
     listed = [mpm.Body(sand, positions, volume=1e-6)]
@@ -66,11 +62,10 @@ def main() -> int:
     if sys.argv[1] == "together":
         agree = {"all": same(plain, state([moving, mobile, static, shell], bodies=2, accelerated=True))}
     else:
-        scenes = {
-            "moving collider": state([moving]), "mobile collider": state([mobile]), "static collider": state([static]),
-            "second body": state([], bodies=2), "shell": state([shell]), "orifice": state([shaker]),
-            "body acceleration": state([], accelerated=True), "sleep": state([], sleep=True),
-        }
+        scenes = {"moving collider": state([moving]), "mobile collider": state([mobile]),
+                  "static collider": state([static]), "second body": state([], bodies=2), "shell": state([shell]),
+                  "orifice": state([shaker]), "body acceleration": state([], accelerated=True),
+                  "sleep": state([], sleep=True)}
         agree = {name: same(plain, other) for name, other in scenes.items()}
         agree["stride"] = same(state([], transfer_interval=0.0), state([], transfer_interval=1.5 * DT))
     print(json.dumps(agree))

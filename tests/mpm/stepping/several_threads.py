@@ -1,9 +1,7 @@
 """A scene advanced in a process of its own, which has one backend: what comes of it is written to a file.
-
 `python several_threads.py WHERE SCENE OUT.npz [f32]`. WHERE: `one` or `two` threads of the CPU, `cuda`, `vulkan`, or
 `atomics`, what is compiled for a GPU on the CPU. SCENE: `elastic` (in strides), `fluid`, `tools` or `sleep`. The file
-also has what a batch and a rollout say.
-"""
+also has what a batch and a rollout say."""
 
 import sys
 
@@ -41,9 +39,7 @@ def scene(name: str, precision: str) -> mpm.Solver:
 
 def tools() -> list[mpm.Collider]:
     """A bowl and a ball that grains push.
-
-    No node lies on a plane of the bowl's lattice, where rounding would choose the cell.
-    """
+    No node lies on a plane of the bowl's lattice, where rounding would choose the cell."""
     bowl = trimesh.creation.icosphere(3, 0.05)
     bowl.update_faces(bowl.triangles_center[:, 2] < 0.015)
     bowl.remove_unreferenced_vertices()

@@ -119,11 +119,10 @@ def test_ledger_closes_with_shell_and_solid_together() -> None:
     assert len(grains) % 4 == 1
     sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
     ball = mpm.Pose(np.array([0.1, 0.1, 0.085]), upright)
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.15), cell), precision="f64",
-        bodies=[mpm.Body(sand, grains, volume=(cell / 2) ** 3)],
-        colliders=[mpm.Collider(plate, pose=mpm.Pose(np.array([0.1, 0.1, 0.003]), upright)),
-                   mpm.Collider(mpm.Sdf.sphere(0.03), pose=ball)])
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.15), cell), precision="f64",
+                        bodies=[mpm.Body(sand, grains, volume=(cell / 2) ** 3)],
+                        colliders=[mpm.Collider(plate, pose=mpm.Pose(np.array([0.1, 0.1, 0.003]), upright)),
+                                   mpm.Collider(mpm.Sdf.sphere(0.03), pose=ball)])
     before, given, exchanged = solver.momentum(), np.zeros(6), 0.0
     for step in range(30):
         begin, end = (mpm.Pose(ball.position - [0, 0, 1e-3 * n], upright) for n in (step, step + 1))

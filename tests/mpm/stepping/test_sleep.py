@@ -159,20 +159,17 @@ def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm
 
 SIDES = ("periodic", "friction", "friction")
 HUMP = np.array([0.08, 0.04, 0.0])
-SCENES = {
-    "walls": {},
-    "strides of one substep": {"transfer_interval": 0.0},
-    "moving solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(HIGH, UPRIGHT), friction=0.3)]},
-    "static solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(HUMP, UPRIGHT), static=True)],
-                     "positions": bed()[np.linalg.norm(bed() - HUMP, axis=1) > 0.022]},
-    "shell": {"colliders": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(2, 0.02), 1e-3), friction=0.3,
-                                         pose=mpm.Pose(HIGH, UPRIGHT))]},
-    "mobile solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(LOW, UPRIGHT), friction=0.3, mobile=True)]},
-    "periodic sides": {"walls": mpm.Walls(lower=SIDES, upper=SIDES, friction=0.5), "upper": (0.32, 0.08, 0.24),
-                       "positions": bed(0.03, (0.0, 0.32))},
-    "two laws": {"bodies": [mpm.Body(SAND, bed(0.03, (0.0, 0.08)), volume=1.25e-7),
-                            mpm.Body(WATER, bed(0.03, (0.08, 0.16)), volume=1.25e-7)]},
-}
+SCENES = {"walls": {}, "strides of one substep": {"transfer_interval": 0.0},
+          "moving solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(HIGH, UPRIGHT), friction=0.3)]},
+          "static solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(HUMP, UPRIGHT), static=True)],
+                           "positions": bed()[np.linalg.norm(bed() - HUMP, axis=1) > 0.022]},
+          "shell": {"colliders": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(2, 0.02), 1e-3),
+                                               friction=0.3, pose=mpm.Pose(HIGH, UPRIGHT))]},
+          "mobile solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(LOW, UPRIGHT), friction=0.3, mobile=True)]},
+          "periodic sides": {"walls": mpm.Walls(lower=SIDES, upper=SIDES, friction=0.5), "upper": (0.32, 0.08, 0.24),
+                             "positions": bed(0.03, (0.0, 0.32))},
+          "two laws": {"bodies": [mpm.Body(SAND, bed(0.03, (0.0, 0.08)), volume=1.25e-7),
+                                  mpm.Body(WATER, bed(0.03, (0.08, 0.16)), volume=1.25e-7)]}}
 
 
 def test_sleepers_that_a_loaded_state_gives_a_velocity_are_awake(sleeping: mpm.Solver) -> None:

@@ -56,9 +56,7 @@ def gap(result: Results) -> float:
                                    pytest.param("sleep", marks=SLOW)])
 def test_two_threads_are_one(scene: str, results: Callable[..., Results]) -> None:
     """The same grains to rounding, the same bits in every run, and every impulse in the ledger; in strides and not.
-
-    "tools": a shell and a ball that grains move, and periodic sides.
-    """
+    "tools": a shell and a ball that grains move, and periodic sides."""
     two, one = results("two", scene), results("one", scene)
     assert one["serial"] and not two["serial"] and two["same_bits"]
     assert np.abs(two["x"] - two["start"]).max() > 0.02 and np.abs(two["ledger"][2:4]).max(axis=1).min() > 0.01
@@ -71,9 +69,7 @@ def test_two_threads_are_one(scene: str, results: Callable[..., Results]) -> Non
 @pytest.mark.parametrize("where", ["cuda", pytest.param("atomics", marks=SLOW)])
 def test_a_gpu_is_one_thread(where: str, scene: str, results: Callable[..., Results]) -> None:
     """The same particles and the same ledger to rounding; a GPU adds in any order.
-
-    What is compiled for a GPU also runs on the CPU, where it can be checked without one.
-    """
+    What is compiled for a GPU also runs on the CPU, where it can be checked without one."""
     gpu, one = results(where, scene), results("one", scene)
     assert np.abs(gpu["x"] - gpu["start"]).max() > 0.02 and np.abs(gpu["ledger"][3]).max() > 0.1
     assert off(gpu, one, *gpu["names"], "read") < 1e-10 and gap(gpu) < 1e-12
