@@ -9,7 +9,7 @@ VENV ?= .venv-$(notdir $(PYTHON))
 endif
 BIN := $(VENV)/bin
 OUT ?= out/spoon
-EXTRAS := test,human,record,learn,docs,ros,lerobot,slurm,ray,calibrate
+EXTRAS := test,human,record,learn,docs,ros,lerobot,slurm,calibrate
 GL_PACKAGES := libegl1 libgl1
 APT_LINE := apt-get install -y --no-install-recommends $(GL_PACKAGES)
 # True when both libraries can be loaded; asked of the dynamic linker, as PyOpenGL does.

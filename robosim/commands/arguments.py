@@ -173,7 +173,7 @@ class CommandParser(argparse.ArgumentParser):
             return make(name)
 
         self.add_argument("--launch", choices=LAUNCHERS, default="local", help="where the runs are made: here, or as "
-                          f"jobs of SLURM or Ray, as {source} says (default: local)")
+                          f"jobs of SLURM, as {source} says (default: local)")
         self.set_defaults(make_launcher=make_launcher)
 
     def add_launcher(self) -> None:

@@ -14,13 +14,9 @@ def make_launcher(name: str) -> ClusterLauncher | None:
         raise UnknownName("launcher", name, LAUNCHERS)
     if name == "local":
         return None
-    if name == "slurm":
-        from robosim.studies.clusters.slurm import SlurmLauncher
+    from robosim.studies.clusters.slurm import SlurmLauncher
 
-        return SlurmLauncher()
-    from robosim.studies.clusters.ray_tasks import RayLauncher
-
-    return RayLauncher()
+    return SlurmLauncher()
 
 
 def find_launcher(name: str, table: Path | None) -> ClusterLauncher | None:
@@ -31,7 +27,7 @@ def find_launcher(name: str, table: Path | None) -> ClusterLauncher | None:
     launcher = make_launcher(name)
     if launcher is None:
         if table is not None:
-            raise ConfigError(f"--launch-file {table} with --launch local; accepted: with slurm or ray")
+            raise ConfigError(f"--launch-file {table} with --launch local; accepted: with --launch slurm")
         return None
     numbers = {} if table is None else read(table)
     if not isinstance(numbers, dict):

@@ -38,10 +38,10 @@ def test_a_report_made_elsewhere_is_the_one_made_here(tmp_path: Path) -> None:
 
 def test_a_launch_file_needs_a_launcher(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert find_launcher("local", None) is None
-    with pytest.raises(ConfigError, match="with --launch local; accepted: with slurm or ray"):
+    with pytest.raises(ConfigError, match="with --launch local; accepted: with --launch slurm"):
         find_launcher("local", tmp_path / "cluster.yaml")
     (tmp_path / "cluster.yaml").write_text("partition: cpu\nhour: 2\n")
-    pytest.importorskip("ray")
-    assert main(["report", "return_mapping", "--quick", "--out", str(tmp_path / "r"), "--launch", "ray",
+    pytest.importorskip("submitit")
+    assert main(["report", "return_mapping", "--quick", "--out", str(tmp_path / "r"), "--launch", "slurm",
                  "--launch-file", str(tmp_path / "cluster.yaml")]) == 2
     assert "launch: unknown key 'hour'; valid: partition" in capsys.readouterr().err
