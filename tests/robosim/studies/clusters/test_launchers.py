@@ -41,7 +41,6 @@ def test_a_launch_file_needs_a_launcher(tmp_path: Path, capsys: pytest.CaptureFi
     with pytest.raises(ConfigError, match="with --launch local; accepted: with --launch slurm"):
         find_launcher("local", tmp_path / "cluster.yaml")
     (tmp_path / "cluster.yaml").write_text("partition: cpu\nhour: 2\n")
-    pytest.importorskip("submitit")
     assert main(["report", "return_mapping", "--quick", "--out", str(tmp_path / "r"), "--launch", "slurm",
                  "--launch-file", str(tmp_path / "cluster.yaml")]) == 2
     assert "launch: unknown key 'hour'; valid: partition" in capsys.readouterr().err
