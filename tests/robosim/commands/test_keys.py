@@ -53,8 +53,3 @@ def test_schema_is_json_with_every_table(kind: str, capsys: pytest.CaptureFixtur
     schema = json.loads(capsys.readouterr().out)
     assert set(schema["properties"]) == set(schema_class(KINDS[kind]).model_fields)
     assert all(table["additionalProperties"] is False for table in (schema, *schema.get("$defs", {}).values()))
-
-
-def test_an_unknown_kind_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["keys", "fork"]) == 2
-    assert "unknown kind 'fork'; valid: arm, dosing, experiment.cup, experiment.heap," in capsys.readouterr().err

@@ -5,9 +5,7 @@ from pathlib import Path
 import pytest
 
 from robosim.base.errors import ConfigError
-from robosim.base.resources import config_names
 from robosim.commands.main import main
-from robosim.envs import BUNDLED
 from robosim.studies.benchmarks import FIELD_SCENES
 from robosim.studies.benchmarks import field as benchmark
 from robosim.studies.verification import stability
@@ -17,10 +15,6 @@ from robosim.studies.verification.stability import field
 def test_axes_of_the_stability_matrix() -> None:
     assert tuple(field.AXES) == stability.AXES and tuple(field.COMPARISONS) == stability.COMPARISONS
     assert tuple(field.SLEEPING) == stability.SLEEPING_AXES
-
-
-def test_sub_tasks() -> None:
-    assert sorted(BUNDLED) == config_names("tasks")
 
 
 def test_a_scene_that_could_not_be_measured_is_an_exit_status(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

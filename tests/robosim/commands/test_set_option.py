@@ -7,40 +7,35 @@ from pathlib import Path
 
 import pytest
 import yaml
+from bundled import read_bundled
 from filelock import FileLock
 
-from robosim.base.resources import config_path
 from robosim.commands.arguments import Settings
 from robosim.commands.main import main, parser
 from robosim.config.settings import read_setting
 from robosim.tasks.task import load_task
 
 
-@pytest.mark.parametrize("arguments", [
-    ["rehearse", "spoon", "--out"], ["chain", "spoon", "--out"], ["evaluate", "SpoonPour", "--out"],
-    ["explain", "SpoonPour", "--out"], ["explain", "spoon", "--out"], ["materials", "SpoonPour", "--out"],
-    ["demo", "SpoonPour", "--out"], ["rollouts", "SpoonPour", "--out"],
-    ["pipeline", "spoon", "--out"], ["gradients", "SpoonPour", "--out"],
-], ids=lambda arguments: " ".join(arguments[:2]))
-def test_a_setting_that_does_not_fit_is_refused_before_any_work(arguments: list[str], tmp_path: Path,
+@pytest.mark.parametrize("words", [
+    "rehearse spoon", "chain spoon", "evaluate SpoonPour", "explain SpoonPour", "explain spoon", "materials SpoonPour",
+    "demo SpoonPour", "rollouts SpoonPour", "pipeline spoon", "gradients SpoonPour"])
+def test_a_setting_that_does_not_fit_is_refused_before_any_work(words: str, tmp_path: Path,
                                                                 capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*arguments, str(tmp_path / "out"), "--set", "field.sell=0.01"]) == 2
+    assert main([*words.split(), "--out", str(tmp_path / "out"), "--set", "field.sell=0.01"]) == 2
     assert capsys.readouterr().err.startswith(
-        f"robosim {arguments[0]}: --set field.sell: unknown key 'field.sell'; valid: cell, grains_per_cell,")
+        f"robosim {words.split()[0]}: --set field.sell: unknown key 'field.sell'; valid: cell, grains_per_cell,")
     assert not (tmp_path / "out").exists()
 
 
 def test_a_wrong_key_is_refused_before_what_only_the_work_needs_is_loaded(tmp_path: Path) -> None:
     """So that the message comes at once: no mesh, robot, physics or learning library."""
     code = ("import sys; from robosim.commands.main import main\n"
-            "for words in (['rehearse', 'spoon'], ['pipeline', 'spoon'], ['demo', 'SpoonPour'], "
-            "['gradients', 'SpoonPour'], ['evaluate', 'SpoonPour']):\n"
-            "    assert main([*words, '--out', sys.argv[1], '--set', 'field.sell=1']) == 2\n"
-            "heavy = {'trimesh', 'taichi', 'mujoco', 'pinocchio', 'torch', 'gymnasium', 'matplotlib'}\n"
-            "loaded = heavy & set(sys.modules)\n"
-            "assert not loaded, loaded")
+            "for name in ('rehearse spoon', 'pipeline spoon', 'demo SpoonPour', 'gradients SpoonPour', "
+            "'evaluate SpoonPour'):\n"
+            "    assert main([*name.split(), '--out', sys.argv[1], '--set', 'field.sell=1']) == 2\n"
+            "print(*{'trimesh', 'taichi', 'mujoco', 'pinocchio', 'torch', 'gymnasium', 'matplotlib'} & {*sys.modules})")
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "out")], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    assert (done.returncode, done.stdout) == (0, "\n"), done.stderr
 
 
 def test_presets_and_sweeps_are_changed_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,8 +60,8 @@ def test_settings_make_a_file_of_its_own_in_the_folder(tmp_path: Path) -> None:
         assert Path(task) == tmp_path / "SpoonPour.yaml" and load_task(task).grains.count == 100
         with FileLock(tmp_path / ".lock").acquire(timeout=0):  # as commands of other packages lock their folder
             pass
-    own = yaml.safe_load(config_path("tasks", "SpoonPour", "task").read_text())
-    assert yaml.safe_load((tmp_path / "SpoonPour.yaml").read_text()) == own | {"grains": {"count": 100}}
+    assert yaml.safe_load((tmp_path / "SpoonPour.yaml").read_text()) == read_bundled("tasks", "SpoonPour") | {
+        "grains": {"count": 100}}
     before = (tmp_path / "SpoonPour.yaml").read_text()
     assert main(["evaluate", str(tmp_path / "SpoonPour.yaml"), "--set", "steps=10", "--out", str(tmp_path)]) == 2
     assert (tmp_path / "SpoonPour.yaml").read_text() == before

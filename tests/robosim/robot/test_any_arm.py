@@ -139,16 +139,21 @@ URDF = """<robot name="lab"><link name="base_link"><collision><geometry><box siz
 LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.1"/><mass value="2"/><inertia ixx="0.02" iyy="0.02" izz="0.01"
 ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="0 0 0.1"/><geometry><cylinder radius="0.04" length="0.15"/>
 </geometry></collision></link><joint name="q{k}" type="revolute"><parent link="{parent}"/><child link="l{k}"/>
-<origin xyz="0 0 0.2"/><axis xyz="{axis}"/><limit lower="-2.5" upper="2.5" effort="100" velocity="2"/></joint>"""
+<origin xyz="0 0 0.2"/><axis xyz="{axis}"/><limit lower="-2.5" upper="2.5" effort="10{k}" velocity="{k}.5"/></joint>"""
 
 
 def test_a_urdf_with_fixed_frames_is_an_arm(tmp_path: Path) -> None:
-    """Base and flange are links without a joint, which MuJoCo would fuse; poses and gravity torques are MuJoCo's."""
+    """Base and flange are links without a joint, which MuJoCo would fuse; poses and gravity torques are MuJoCo's.
+
+    It says its limits of speed and torque.
+    """
     links = "".join(LINK.format(k=k, parent=f"l{k - 1}" if k else "base_link", axis="0 0 1" if k % 2 == 0 else "0 1 0")
                     for k in range(6))
     (tmp_path / "lab.urdf").write_text(URDF.format(links=links))
     robot = load_robot_model(ArmConfig.model_validate({"model": "lab.urdf", "flange": "tool0"}), tmp_path)
-    assert robot.base == "base_link" and robot.sources["velocity"] == "model" and robot.velocity.tolist() == [2.0] * 6
+    assert robot.base == "base_link" and robot.joints == tuple(f"q{k}" for k in range(6))
+    assert robot.sources["velocity"] == "model" and robot.velocity == pytest.approx(np.arange(6) + 0.5)
+    assert robot.torque == pytest.approx(np.arange(6) + 100.0)
     assembly = replace(assemble("spoon", "iiwa14", "parallel_jaw"), robot=replace(robot, stand=STAND))
     check_against_mujoco(assembly)
     compiled = compile_scene(build_scene_spec(assembly, "weld", {}, 1e-3, contact=True), assembly)

@@ -2,20 +2,12 @@
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from mpm.geometry.rigid_motion import relative_rotation
 from robosim.config.rehearsal import load_rehearsal
 from robosim.robot.model import Gains
-from robosim.robot.model_errors import (
-    FRICTION,
-    GAINS,
-    LATENCY,
-    PAYLOAD,
-    SHIFT,
-    TURN_DEG,
-    ModelErrors,
-    draw_model_errors,
-)
+from robosim.robot.model_errors import FRICTION, GAINS, LATENCY, PAYLOAD, SHIFT, TURN_DEG, ModelErrors
+from robosim.robot.model_errors import draw_model_errors as draw
 from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec
 from robosim.scene.compiled import compile_scene
 
@@ -23,8 +15,8 @@ NONE = ModelErrors(1.0, np.ones(7), 0.0, np.zeros(3), np.zeros(3), 1.0, 1.0)
 
 
 def test_errors_are_drawn_within_their_ranges_and_by_their_seed() -> None:
-    drawn = [draw_model_errors(seed, 6) for seed in range(200)]
-    assert draw_model_errors(3, 6).figures() == drawn[3].figures() != drawn[4].figures()
+    drawn = [draw(seed, 6) for seed in range(200)]
+    assert draw(3, 6).figures() == drawn[3].figures() != drawn[4].figures()
     payloads, frictions = np.array([e.payload for e in drawn]), np.array([e.friction for e in drawn])
     assert frictions.shape == (200, 6)
     for values, middle, half in ((payloads, 1.0, PAYLOAD), (frictions, 1.0, FRICTION),
@@ -56,17 +48,11 @@ def test_no_errors_change_nothing_and_a_payload_changes_hand_and_tool_alone() ->
         mujoco.mj_forward(exact.model, reference)
         moved = data.xpos[scene.tool] - reference.xpos[exact.tool]
         assert np.isclose(np.linalg.norm(moved), np.linalg.norm(errors.tool_shift), atol=1e-9)
-        assert np.isclose(np.degrees(relative_rotation(reference.xquat[exact.tool], data.xquat[scene.tool])),
-                          np.linalg.norm(errors.tool_turn_deg), atol=1e-6)
+        turned = relative_rotation(reference.xquat[exact.tool], data.xquat[scene.tool])
+        assert np.isclose(np.degrees(np.linalg.norm(turned)), np.linalg.norm(errors.tool_turn_deg), atol=1e-6)
         np.testing.assert_allclose(scene.model.dof_frictionloss[scene.arm_dofs],
                                    errors.friction * exact.model.dof_frictionloss[exact.arm_dofs])
         robot = exact.assembly.robot
         gains = errors.change_gains(Gains(robot.stiffness, robot.damping))
         np.testing.assert_allclose(gains.stiffness, errors.stiffness * robot.stiffness)
         np.testing.assert_allclose(gains.damping, errors.damping * robot.damping)
-
-
-def relative_rotation(a: np.ndarray, b: np.ndarray) -> float:
-    """Return the angle [rad] between two quaternions."""
-    difference = Rotation.from_quat(a, scalar_first=True).inv() * Rotation.from_quat(b, scalar_first=True)
-    return float(difference.magnitude())

@@ -47,7 +47,5 @@ def test_smallest_moment_of_the_long_links_is_about_the_long_axis(pair) -> None:
 def test_masses(pair) -> None:
     """Arm 29.9 kg (data sheet), hand 2.3 kg."""
     model, _ = pair
-    arm = sum(model.body(f"link{i}").mass[0] for i in range(8))
-    hand = model.body("hand_palm").subtreemass[0] - model.body("spoon").mass[0]
-    assert arm == pytest.approx(29.9, abs=1e-9)
-    assert hand == pytest.approx(2.3, abs=1e-9)
+    assert sum(model.body(f"link{i}").mass[0] for i in range(8)) == pytest.approx(29.9, abs=1e-9)
+    assert model.body("hand_palm").subtreemass[0] - model.body("spoon").mass[0] == pytest.approx(2.3, abs=1e-9)

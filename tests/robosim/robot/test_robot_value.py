@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from written_arms import write_arm
 
 from robosim.base.errors import ConfigError, UnknownName
@@ -16,7 +17,6 @@ from robosim.config.arm import ArmConfig
 from robosim.robot.mjspec import locate_model
 from robosim.robot.robot import bundled_arms, load_arm, load_robot_model
 
-IIWA = "models/robots/iiwa14/iiwa14.xml"
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -47,12 +47,6 @@ def test_arms_of_five_to_eight_joints_are_read(joints: int, actuator: str, tmp_p
         assert data.qfrc_actuator[model.joint(name).dofadr[0]] == pytest.approx(robot.torque[k])
 
 
-def test_the_iiwa_is_one_file_among_others() -> None:
-    robot = load_robot_model(ArmConfig(model=IIWA, flange="flange", limits={"velocity": [1.5] * 7}), ROOT)  # pyright: ignore[reportArgumentType]
-    np.testing.assert_allclose(robot.torque, [320, 320, 176, 176, 110, 40, 40])
-    assert robot.joints == tuple(f"A{k}" for k in range(1, 8)) and robot.base == "link0"
-
-
 def test_what_the_configuration_says_holds_before_what_the_model_says(tmp_path: Path) -> None:
     path = write_arm(tmp_path / "arm.xml", 6, slide=2)
     robot = read(path, home_deg=[0, 0, 100, 0, 0, 0], payload=5.0, limits={
@@ -61,19 +55,6 @@ def test_what_the_configuration_says_holds_before_what_the_model_says(tmp_path: 
     assert robot.home[2] == pytest.approx(0.1) and robot.lower[2] == pytest.approx(-0.05)  # millimetres
     assert robot.upper[2] == pytest.approx(0.3) and robot.torque.tolist() == [7] * 6
     assert set(robot.sources.values()) == {"configuration"} and robot.stiffness.tolist() == [100] * 6
-
-
-def test_a_urdf_says_its_speed_limits(tmp_path: Path) -> None:
-    links = "".join(f'<link name="l{k}"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" '
-                    f'ixz="0" iyz="0"/></inertial></link>' for k in range(7))
-    joints = "".join(f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
-                     f'<origin xyz="0 0 0.2"/><axis xyz="0 {k % 2} {1 - k % 2}"/><limit lower="-2" upper="2" '
-                     f'effort="{30 + k}" velocity="{1 + k}"/></joint>' for k in range(6))
-    path = tmp_path / "arm.urdf"
-    path.write_text(f'<robot name="arm">{links}{joints}</robot>')
-    robot = load_robot_model(ArmConfig(model="arm.urdf", flange="l6"), tmp_path)
-    assert robot.joints == tuple(f"j{k}" for k in range(6)) and robot.sources["velocity"] == "model"
-    assert robot.velocity.tolist() == [1, 2, 3, 4, 5, 6] and robot.torque.tolist() == [30, 31, 32, 33, 34, 35]
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
@@ -175,26 +156,20 @@ def dh_pose(rows: list[tuple[float, float, float]], q: np.ndarray) -> np.ndarray
     return pose
 
 
-def turn_about_z(angle: float) -> np.ndarray:
-    """Return a turn as a pose (4, 4)."""
-    pose = np.eye(4)
-    pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    return pose
-
-
 @pytest.mark.parametrize("name", DH)
 def test_bundled_arms_have_the_makers_kinematics(name: str) -> None:
     robot, rng = load_arm(name), np.random.default_rng(0)
     model = robot.spec.copy().compile()
     data, site = mujoco.MjData(model), model.site(robot.flange).id
-    address = [model.joint(joint).qposadr[0] for joint in robot.joints]
+    address, turn = [model.joint(joint).qposadr[0] for joint in robot.joints], Rotation.from_rotvec(
+        [0.0, 0.0, BASE_TURN.get(name, 0.0)])
     for _ in range(20):
         q = rng.uniform(robot.lower, robot.upper)
         data.qpos[address] = q
         mujoco.mj_kinematics(model, data)
-        expected = turn_about_z(BASE_TURN.get(name, 0.0)) @ dh_pose(DH[name], q)
-        np.testing.assert_allclose(data.site_xpos[site], expected[:3, 3], atol=1e-9)
-        np.testing.assert_allclose(data.site_xmat[site].reshape(3, 3)[:, 2], expected[:3, 2], atol=1e-9)
+        expected = turn.apply(dh_pose(DH[name], q)[:3, 2:].T)  # the flange's z axis, and its place
+        np.testing.assert_allclose(data.site_xmat[site].reshape(3, 3)[:, 2], expected[0], atol=1e-9)
+        np.testing.assert_allclose(data.site_xpos[site], expected[1], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", TOTAL_MASS)

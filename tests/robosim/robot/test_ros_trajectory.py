@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from bundled import rehearsal
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.commands.main import main
 from robosim.config.motion import JointTrajectoryConfig
-from robosim.config.rehearsal import load_rehearsal
-from robosim.config.settings import read_setting
 from robosim.robot.model import Arm
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.robot.timing import SmoothMotion
@@ -22,7 +21,7 @@ def motion() -> SmoothMotion:
     times = np.linspace(0.0, 0.5, 26)
     share = times / 0.5
     swing = 10 * share**3 - 15 * share**4 + 6 * share**5  # at rest at both ends
-    limits = Arm(assemble("spoon")).limits(load_rehearsal("spoon").limits)
+    limits = Arm(assemble("spoon")).limits(rehearsal("spoon").limits)
     return SmoothMotion(times, 0.05 * swing[:, None] + np.arange(7) / 10, limits, {"a": 0.0}, ARM)
 
 
@@ -45,8 +44,7 @@ def test_a_motion_that_begins_later_is_the_same_after_a_rest(motion: SmoothMotio
 def test_frame_and_joints_are_named_by_the_configuration(motion: SmoothMotion) -> None:
     """As `--set joint_trajectory.KEY=VALUE` sets them."""
     def names(*settings: str) -> JointTrajectoryConfig:
-        return load_rehearsal("spoon", settings=[read_setting(f"joint_trajectory.{one}") for one in settings]
-                              ).joint_trajectory
+        return rehearsal("spoon", *(f"joint_trajectory.{one}" for one in settings)).joint_trajectory
 
     message = make_joint_trajectory(motion, ARM)
     assert message["header"]["frame_id"] == "" and message["joint_names"] == ARM
