@@ -4,27 +4,30 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bundled import plan_of
 
 import robosim
 from robosim.cell.drivers import OwnDriver, RobotState
 from robosim.planning.plan import Plan
-from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.robot.timing import JointState
 
 DT = 1e-3
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def plan() -> Plan:
-    return Rehearsal("shovel").plan()
+    return plan_of("shovel")
+
+
+def make(plan: Plan, own: Any, latency: float = 0.0) -> OwnDriver:
+    """A driver that begins at 0.5 s, of an arm that is where it is planned to be."""
+    return OwnDriver(own, plan.motion, 0.5, latency, plan.arm, DT, lambda time, planned: RobotState(
+        time, planned.q, planned.qd, plan.arm.tool_pose(planned.q), np.zeros(6), planned))
 
 
 def drive(plan: Plan, own: Any, steps: int = 3, latency: float = 0.0) -> list[JointState]:
     """The commands of a driver in its first steps."""
-    def read(time: float, planned: JointState) -> RobotState:
-        return RobotState(time, planned.q, planned.qd, plan.arm.tool_pose(planned.q), np.zeros(6), planned)
-
-    driver = OwnDriver(own, plan.motion, 0.5, latency, plan.arm, DT, read)
+    driver = make(plan, own, latency)
     return [driver.command(0.5 + k * DT) for k in range(steps)]
 
 
@@ -49,8 +52,7 @@ def test_a_driver_has_its_own_duration(plan: Plan) -> None:
         def command(self, state: RobotState) -> np.ndarray:
             return state.planned.q
 
-    driver = OwnDriver(Short(), plan.motion, 0.5, 0.0, plan.arm, DT, lambda time, planned: RobotState(
-        time, planned.q, planned.qd, plan.arm.tool_pose(planned.q), np.zeros(6), planned))
+    driver = make(plan, Short())
     assert driver.name == "Short" and driver.duration == 0.75
 
 

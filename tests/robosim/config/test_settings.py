@@ -1,16 +1,12 @@
 """Settings `key=value`: applied before a configuration is checked, and named in its errors."""
 
-
 import pytest
+from bundled import rehearsal
 
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import Setting, read_setting, with_settings
 from robosim.tasks.task import load_task
-
-
-def settings(*texts: str) -> list[Setting]:
-    return [read_setting(text) for text in texts]
 
 
 @pytest.mark.parametrize(("text", "value"), [("a=1", 1), ("a=0.005", 0.005), ("a=3e-4", 3e-4), ("a=-1E3", -1000.0),
@@ -29,18 +25,19 @@ def test_what_is_no_setting_is_refused(text: str) -> None:
 
 def test_settings_reach_tables_and_lists_and_leave_the_rest() -> None:
     table = {"field": {"cell": 1, "dt": 2}, "waypoints": [{"speed": 1}, {"speed": 2}], "pile": None}
-    changed = with_settings(table, settings("field.cell=0.5", "waypoints.1.speed=3", "pile.half=[1, 1, 1]", "new=1"))
+    changed = with_settings(table, map(read_setting, (
+        "field.cell=0.5", "waypoints.1.speed=3", "pile.half=[1, 1, 1]", "new=1")))
     assert changed == {"field": {"cell": 0.5, "dt": 2}, "waypoints": [{"speed": 1}, {"speed": 3}],
                        "pile": {"half": [1, 1, 1]}, "new": 1}
     assert table["field"] == {"cell": 1, "dt": 2}  # a copy
 
 
 def test_a_configuration_has_the_values_that_were_set() -> None:
-    changed = load_rehearsal("spoon", settings=settings("field.cell=0.0035", "waypoints.2.speed=0.1", "grasp=friction"))
-    own = load_rehearsal("spoon")
+    changed = rehearsal("spoon", "field.cell=0.0035", "waypoints.2.speed=0.1", "grasp=friction")
+    own = rehearsal("spoon")
     assert (changed.field.cell, changed.waypoints[2].speed, changed.grasp) == (0.0035, 0.1, "friction")
     assert changed.waypoints[1] == own.waypoints[1] and own.field.cell != 0.0035
-    assert load_task("SpoonPour", settings("grains.count=100")).grains.count == 100
+    assert load_task("SpoonPour", [read_setting("grains.count=100")]).grains.count == 100
 
 
 @pytest.mark.parametrize(("text", "message"), [
@@ -52,11 +49,13 @@ def test_a_configuration_has_the_values_that_were_set() -> None:
     ("waypoints.lifted.speed=1", "waypoints is a list, 'lifted' is no place in it; accepted: 0 to"),
     ("host_dt.x=1", "--set host_dt.x: host_dt is 0.001, neither a table nor a list; accepted: --set host_dt=VALUE"),
     ("containers.source.color=1", "unknown key 'containers.source.color'; valid: position, yaw_deg, tilt_deg,"),
+    ("host_dt=0.01", r"host_dt.*0\.001.*given: 0\.01"),
+    ("waypoints.2.frame=bowl", "'bowl'; valid: world, source, target"),
     ("weigh_at=raised", r"spoon.yaml --set weigh_at: weigh_at: unknown waypoint 'raised'; valid: .*lifted"),
 ])
 def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        load_rehearsal("spoon", settings=settings(text))
+        rehearsal("spoon", text)
 
 
 @pytest.mark.parametrize(("name", "text", "message"), [
@@ -68,4 +67,4 @@ def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> N
 ])
 def test_a_renamed_key_is_named_with_its_new_name(name: str, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        (load_rehearsal if name == "spoon" else load_task)(name, settings=settings(text))
+        (load_rehearsal if name == "spoon" else load_task)(name, settings=[read_setting(text)])

@@ -4,19 +4,19 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from bundled import plan_of, rehearsal
 
 from robosim.base.errors import ConfigError
-from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ObstacleConfig
 from robosim.planning.approach import MARGIN, Clearances, between, find_route, plan_approach
-from robosim.planning.plan import Plan, plan_motion, plan_path
-from robosim.rehearsal.session import check_config
+from robosim.planning.plan import Plan, plan_motion
 from robosim.robot.timing import StraightMotion
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def spoon() -> Plan:
-    return plan_path(check_config(load_rehearsal("spoon")))
+    return plan_of("spoon")
 
 
 def check(plan: Plan, config: RehearsalConfig, motion: StraightMotion) -> float:
@@ -74,18 +74,18 @@ def test_routes_avoid_walls_in_the_plane() -> None:
 def test_a_home_that_collides_is_said_and_the_plan_stands(spoon: Plan) -> None:
     x, y, z = map(float, spoon.arm.tool_pose(spoon.arm.home).position)
     post = {"name": "post", "position": [x, y, z], "half": [0.03, 0.03, 0.03]}
-    plan = plan_motion(check_config(load_rehearsal("spoon", {"obstacles": [post]})))
+    plan = plan_motion(rehearsal("spoon", obstacles=[post]))
     assert plan.approach is None
     assert "in home" in plan.no_approach and "post overlap by" in plan.no_approach
 
 
 def test_a_full_tool_has_no_way_from_home() -> None:
-    plan = plan_motion(check_config(load_rehearsal("bottle")))
+    plan = plan_of("bottle")
     assert plan.approach is None and "the tool is full at the start" in plan.no_approach
 
 
 def test_an_open_hand_keeps_clear_of_the_tool_that_stands() -> None:
-    plan = plan_motion(check_config(load_rehearsal("pick_bottle")))
+    plan = plan_of("pick_bottle")
     assert plan.approach is not None and plan.approach.clearance.distance > 0.9 * MARGIN
     stand = plan.config.waypoints[1]
     x, y, _ = stand.position

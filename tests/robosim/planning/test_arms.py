@@ -5,28 +5,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
+from bundled import read_bundled, rehearsal
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
-from robosim.base.resources import config_path
 from robosim.config.arm import BasePose
-from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.path_clearance import LEAST
 from robosim.planning.plan import plan_motion, slow_down
 from robosim.planning.robot_clearance import RobotClearance
 from robosim.planning.waypoint_path import WaypointPath
+from robosim.robot.model import Arm
 from robosim.robot.robot import bundled_arms
-from robosim.scene.build import compile_rehearsal
+from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 
 
-def change(path: Path, waypoint: str = "", keys: dict[str, Any] | None = None, **more: Any) -> RehearsalConfig:
-    """Load the spoon's rehearsal with keys of one waypoint, and of the file, replaced."""
-    data = yaml.safe_load(config_path("rehearsals", "spoon", "rehearsal").read_text())
-    for entry in data["waypoints"]:
-        entry.update(keys or {} if entry["name"] == waypoint else {})
-    file = path / "changed.yaml"
-    file.write_text(yaml.safe_dump(data | more))
-    return load_rehearsal(str(file))
+def change(waypoint: str = "", given: dict[str, Any] | None = None, **keys: Any) -> RehearsalConfig:
+    """Return the spoon's rehearsal with other keys of one waypoint, and of the file."""
+    waypoints = read_bundled("rehearsals", "spoon")["waypoints"]
+    changed = [one | (given or {} if one["name"] == waypoint else {}) for one in waypoints]
+    return rehearsal("spoon", **({"waypoints": changed} if given else {}), **keys)
 
 
 TURNS = {"ur5e": 0.0, "panda": -40.0}
@@ -34,9 +31,9 @@ TURNS = {"ur5e": 0.0, "panda": -40.0}
 
 
 @pytest.mark.parametrize("robot", bundled_arms())
-def test_one_word_of_the_file_changes_the_arm(robot: str, tmp_path: Path) -> None:
+def test_one_word_of_the_file_changes_the_arm(robot: str) -> None:
     """The tool passes the same poses; the hand is the arm's own."""
-    plan = plan_motion(change(tmp_path, robot=robot, grip_turn_deg=TURNS.get(robot)))
+    plan = plan_motion(change(robot=robot, grip_turn_deg=TURNS.get(robot)))
     assert plan.arm.assembly.robot.name == robot and plan.arm.assembly.hand is not None
     assert plan.clearance.surroundings.distance > LEAST and plan.clearance.itself.distance > 0.01
     for name, time in plan.path.times.items():
@@ -51,14 +48,14 @@ def test_one_word_of_the_file_changes_the_arm(robot: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("robot", ["iiwa14", "xarm7"])
-def test_a_tool_is_bolted_to_the_flange(robot: str, tmp_path: Path) -> None:
-    plan = plan_motion(change(tmp_path, robot=robot, gripper="none"))
+def test_a_tool_is_bolted_to_the_flange(robot: str) -> None:
+    plan = plan_motion(change(robot=robot, gripper="none"))
     assert plan.arm.assembly.gripper_name == "none" and plan.arm.model.nv == len(plan.arm.joints)
 
 
-def test_a_friction_grasp_needs_a_hand(tmp_path: Path) -> None:
+def test_a_friction_grasp_needs_a_hand() -> None:
     with pytest.raises(ConfigError, match="grasp: friction with gripper: none; accepted: grasp: weld, or a gripper"):
-        plan_motion(change(tmp_path, gripper="none", grasp="friction"))
+        plan_motion(change(gripper="none", grasp="friction"))
 
 
 @pytest.mark.parametrize(("waypoint", "keys", "parts"), [
@@ -67,11 +64,10 @@ def test_a_friction_grasp_needs_a_hand(tmp_path: Path) -> None:
     ("across", {"frame": "source", "position": [0.14, 0, 0.03]}, "spoon and a container"),
     ("home", {"frame": "world", "position": [0.72, 0.02, -0.01], "rotation_deg": [0, 0, 90]}, "hand_f1_2 and source"),
 ])
-def test_a_waypoint_that_collides_is_refused_with_the_pair_and_the_depth(waypoint: str, keys: dict, parts: str,
-                                                                         tmp_path: Path) -> None:
+def test_a_waypoint_that_collides_is_refused_with_the_pair_and_the_depth(waypoint: str, keys: dict, parts: str) -> None:
     with pytest.raises(ConfigError, match=rf"near waypoint '\w+' \(t = [\d.]+ s\) {parts} overlap by [\d.]+ mm; "
                                           rf"accepted: 0.5 mm or more"):
-        plan_motion(change(tmp_path, waypoint, keys, grip_turn_deg=0.0))
+        plan_motion(change(waypoint, keys, grip_turn_deg=0.0))
 
 
 def test_clearances_are_those_of_the_places() -> None:
@@ -79,12 +75,13 @@ def test_clearances_are_those_of_the_places() -> None:
 
     A posture folded into itself is found, with the bodies that overlap.
     """
-    config = load_rehearsal("shovel", {"grip_turn_deg": 0.0})
+    config = rehearsal("shovel", grip_turn_deg=0.0)
     plan = plan_motion(config)
     q, rise = plan.solution.q[0], 0.01
     raised = config.model_copy(update={"base": BasePose(position=(0.0, 0.0, rise))})
     first, second = (RobotClearance(compile_rehearsal(c), plan.arm) for c in (config, raised))
-    low, high = first.measure(q), plan_clearance(raised, q)
+    # the last one with an arm that stands where the configuration says
+    low, high = first.measure(q), RobotClearance(compile_rehearsal(raised), Arm(assemble_rehearsal(raised))).measure(q)
     assert high[0].distance - low[0].distance == pytest.approx(rise, abs=1e-6) and "table" in low[0].parts
     assert high[1].distance == pytest.approx(low[1].distance, abs=1e-9)
     folded = np.array([0.0, 2.0, 0.0, -2.09, 0.0, 2.09, 0.0])
@@ -92,24 +89,16 @@ def test_clearances_are_those_of_the_places() -> None:
     assert second.measure(q)[1].distance == pytest.approx(low[1].distance, abs=1e-9)
 
 
-def plan_clearance(config: RehearsalConfig, q: np.ndarray) -> tuple:
-    """Measure with an arm that stands where the configuration says."""
-    from robosim.robot.model import Arm
-    from robosim.scene.build import assemble_rehearsal
-
-    return RobotClearance(compile_rehearsal(config), Arm(assemble_rehearsal(config))).measure(q)
-
-
 @pytest.mark.slow
-def test_a_long_path_is_no_jump(tmp_path: Path) -> None:
+def test_a_long_path_is_no_jump() -> None:
     """A carry of two minutes, in which joints move slowly between two coarse samples."""
-    config = change(tmp_path, "across", {"speed": 0.0035}, grip_turn_deg=0.0)
+    config = change("across", {"speed": 0.0035}, grip_turn_deg=0.0)
     plan = plan_motion(config)
     assert plan.path.duration > 120.0 and plan.solution.errors.max() < 1e-6
 
 
-def test_a_slower_script_passes_the_same_places(tmp_path: Path) -> None:
-    config = change(tmp_path)
+def test_a_slower_script_passes_the_same_places() -> None:
+    config = rehearsal("spoon")
     path, slow = WaypointPath(config), WaypointPath(slow_down(config, 2.0))
     moving = path.duration - sum(end - begin for begin, end in path.rests.values())
     resting = slow.duration - sum(end - begin for begin, end in slow.rests.values())
@@ -119,27 +108,26 @@ def test_a_slower_script_passes_the_same_places(tmp_path: Path) -> None:
         np.testing.assert_allclose(slow.pose(2.0 * time).position, path.pose(time).position, atol=1e-9)
 
 
-def test_obstacles_are_kept_clear_of(tmp_path: Path) -> None:
+def test_obstacles_are_kept_clear_of() -> None:
     """A pillar in the way of the carry is refused by its name; beside the way it is the closest thing."""
     pillar = {"name": "pillar", "position": [0.72, 0.0, 0.15], "half": [0.02, 0.02, 0.15], "round": True}
     with pytest.raises(ConfigError, match=r"near waypoint '\w+' \(t = [\d.]+ s\) .*pillar overlap by [\d.]+ mm"):
-        plan_motion(change(tmp_path, obstacles=[pillar], grip_turn_deg=0.0))
+        plan_motion(change(obstacles=[pillar], grip_turn_deg=0.0))
     beside = pillar | {"position": [0.2, 0.45, 0.15]}
-    plan = plan_motion(change(tmp_path, obstacles=[beside], grip_turn_deg=0.0))
+    plan = plan_motion(change(obstacles=[beside], grip_turn_deg=0.0))
     assert plan.clearance.surroundings.distance > LEAST
 
 
 def test_a_work_cell_of_ones_own_is_planned_around(tmp_path: Path) -> None:
     """A lower shelf over the table, at which the elbow would strike, in place of the bundled table."""
-    (tmp_path / "cell.xml").write_text(
-        '<mujoco><worldbody><body name="bench"><geom type="box" size="1 1 0.01" pos="0.4 0 -0.011"/></body>'
-        '<body name="shelf"><geom type="box" size="0.4 0.5 0.01" pos="0.7 0 0.45"/></body></worldbody></mujoco>')
+    shelf = '<body name="shelf"><geom type="box" size="0.4 0.5 0.01" pos="0.7 0 0.45"/></body>'
+    for name, bodies in (("shelf", shelf), ("bench", "")):
+        (tmp_path / f"{name}.xml").write_text(
+            '<mujoco><worldbody><body name="bench"><geom type="box" size="1 1 0.01" pos="0.4 0 -0.011"/></body>'
+            f'{bodies}</worldbody></mujoco>')
     with pytest.raises((ConfigError, UnreachableWaypoint), match="shelf overlap by"):
-        plan_motion(change(tmp_path, workcell="cell.xml", grip_turn_deg=0.0))
-    (tmp_path / "cell.xml").write_text(
-        '<mujoco><worldbody><body name="bench"><geom type="box" size="1 1 0.01" pos="0.4 0 -0.011"/></body>'
-        '</worldbody></mujoco>')
-    plan = plan_motion(change(tmp_path, workcell="cell.xml", grip_turn_deg=0.0))
+        plan_motion(change(workcell=str(tmp_path / "shelf.xml"), grip_turn_deg=0.0))
+    plan = plan_motion(change(workcell=str(tmp_path / "bench.xml"), grip_turn_deg=0.0))
     assert "bench" in plan.clearance.surroundings.parts
     with pytest.raises(ConfigError, match=r"missing.xml: no such file"):
-        plan_motion(change(tmp_path, workcell="missing.xml"))
+        plan_motion(change(workcell="missing.xml"))

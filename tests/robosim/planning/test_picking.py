@@ -3,29 +3,27 @@
 import mujoco
 import numpy as np
 import pytest
+from bundled import plan_of
 
 from robosim.config.motion import APPROACH, RETREAT
-from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import plan_motion
 from robosim.scene.build import compile_rehearsal, standing_pose
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp, put_tool
 
-
-@pytest.fixture(scope="module")
-def config() -> RehearsalConfig:
-    return load_rehearsal("pick_bottle")
+CONFIG = load_rehearsal("pick_bottle")
+assert CONFIG.pick is not None
 
 
 @pytest.mark.parametrize("robot", ["iiwa14", "xarm7"])
-def test_the_hand_comes_along_its_approach_direction(robot: str, config: RehearsalConfig) -> None:
+def test_the_hand_comes_along_its_approach_direction(robot: str) -> None:
     """Straight, from the distance in the file, whatever the arm and the turn of the tool in its hand."""
-    changed = config.model_copy(update={"robot": robot})
-    plan = plan_motion(changed)
-    assert plan.config.waypoints[0].name == APPROACH and plan.config.waypoints[1].dwell >= config.grasp_time
-    model = compile_rehearsal(plan.config).model
-    scene, data = compile_rehearsal(plan.config), mujoco.MjData(model)
+    plan = plan_of("pick_bottle") if robot == CONFIG.robot else plan_motion(CONFIG.model_copy(update={"robot": robot}))
+    assert plan.config.waypoints[0].name == APPROACH and plan.config.waypoints[1].dwell >= CONFIG.grasp_time
+    scene = compile_rehearsal(plan.config)
+    model, data = scene.model, mujoco.MjData(scene.model)
     places = []
     for name in (APPROACH, "standing"):
         data.qpos[scene.arm_qpos] = plan.motion.state(plan.path.rests[name][0]).q
@@ -33,8 +31,7 @@ def test_the_hand_comes_along_its_approach_direction(robot: str, config: Rehears
         site = data.site("hand_grip")
         places.append((site.xpos.copy(), site.xmat.reshape(3, 3).copy()))
     moved, approach = places[1][0] - places[0][0], places[1][1][:, 1]
-    assert changed.pick is not None
-    np.testing.assert_allclose(moved, changed.pick.approach * approach, atol=1e-4)
+    np.testing.assert_allclose(moved, CONFIG.pick.approach * approach, atol=1e-4)
     np.testing.assert_allclose(places[0][1], places[1][1], atol=1e-4)
     data.qpos[scene.arm_qpos] = plan.motion.state(0.0).q
     stand = standing_pose(plan.config)
@@ -42,29 +39,29 @@ def test_the_hand_comes_along_its_approach_direction(robot: str, config: Rehears
     put_tool(scene, data, stand)
     mujoco.mj_forward(model, data)
     reached = body_pose(data, scene.tool)
-    np.testing.assert_allclose(reached.position, config.waypoints[0].position, atol=1e-9)
+    np.testing.assert_allclose(reached.position, CONFIG.waypoints[0].position, atol=1e-9)
     np.testing.assert_allclose(reached.matrix, stand.matrix, atol=1e-9)
     assert not [c for c in data.contact if scene.tool in model.geom_bodyid[c.geom]]  # the open fingers do not touch it
 
 
-def test_the_hand_goes_back_from_a_tool_that_it_sets_down(config: RehearsalConfig) -> None:
+def test_the_hand_goes_back_from_a_tool_that_it_sets_down() -> None:
     """From where the tool stands by the distance of the approach; it rests there until the fingers are open."""
-    assert config.pick is not None and config.pick.set_down
-    plan = plan_motion(config)
+    assert CONFIG.pick.set_down
+    plan = plan_of("pick_bottle")
     (_, down, retreat), first = plan.config.waypoints[-3:], plan.config.waypoints[0]
     assert (down.name, retreat.name) == ("set_down", RETREAT)
-    assert down.stop and down.dwell == pytest.approx(config.grasp_time + 2 * SETTLING)
-    assert retreat.position == pytest.approx(first.position) and down.position == config.waypoints[0].position
-    held = config.model_copy(update={"pick": config.pick.model_copy(update={"set_down": False})})
+    assert down.stop and down.dwell == pytest.approx(CONFIG.grasp_time + 2 * SETTLING)
+    assert retreat.position == pytest.approx(first.position) and down.position == CONFIG.waypoints[0].position
+    held = CONFIG.model_copy(update={"pick": CONFIG.pick.model_copy(update={"set_down": False})})
     assert plan_motion(held).config.waypoints[-1].name == "set_down"
 
 
-def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it(config: RehearsalConfig) -> None:
+def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it() -> None:
     """At the stand with open fingers; closed and released, gravity and a push of 1 N displace it by less than 1 mm.
 
     When the fingers open again it stands by itself, and its slip is that of the grasp.
     """
-    plan = plan_motion(config)
+    plan = plan_of("pick_bottle")
     scene = compile_rehearsal(plan.config)
     model, data = scene.model, mujoco.MjData(scene.model)
     model.opt.timestep = 0.001

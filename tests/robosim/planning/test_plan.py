@@ -1,21 +1,20 @@
 """Planning of the rehearsals: all scripts are feasible, and invalid configurations are refused."""
 
 import pytest
+from bundled import plan_of
 
 from robosim.base.errors import ConfigError
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import load_rehearsal
-from robosim.planning.plan import plan_motion
 from robosim.scene.field import check_field
 
 
 @pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "pick_bottle", "shovel", "dose_spoon", "dose_bottle"])
 def test_every_script_can_be_planned(name):
     """Within the arm's limits and joint ranges; the field accepts every bundled granular material."""
-    config = load_rehearsal(name)
-    assert plan_motion(config).solution.margin > 0.01
+    assert plan_of(name).solution.margin > 0.01
     for material in ("salt", "sugar", "flour", "sand", "paper"):
-        check_field(config, load_material(material).make_law())
+        check_field(load_rehearsal(name), load_material(material).make_law())
 
 
 @pytest.mark.parametrize("name, changes, message", [
