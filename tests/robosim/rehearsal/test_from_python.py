@@ -56,8 +56,6 @@ def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
 def test_errors_come_before_any_work(short: Path) -> None:
     with pytest.raises(robosim.UnknownName, match="unknown rehearsal 'sponn'.*spoon"):
         Rehearsal("sponn")
-    with pytest.raises(robosim.UnknownName, match="unknown robot 'kuka'; valid: iiwa14, panda, ur5e, xarm7"):
-        Rehearsal(short, robot="kuka")
     with pytest.raises(robosim.ConfigError, match=r"robotiq_3f with spoon weighs 2.43 kg; accepted: up to the payload"):
         table = {"model": str(Path("models/robots/iiwa14/iiwa14.xml").resolve()), "flange": "flange", "payload": 1.0,
                  "limits": {"velocity": [1.0] * 7}}

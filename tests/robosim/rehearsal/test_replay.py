@@ -13,48 +13,47 @@ from scipy.spatial.transform import Rotation
 
 from robosim.base.errors import ConfigError
 from robosim.commands.main import main
-from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.conversion.joint_log import AXES, JointLog, Samples
 from robosim.planning.plan import Plan, plan_motion
 from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.replay.comparison import Simulated, compare_wrench
-from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
-from robosim.rehearsal.session import rehearse
+from robosim.rehearsal.replay.recorded_motion import Replay, make_replay, read_log
 
 CLOCK, BIAS = 1234.5, np.array([0.7, 0.0, -0.4, 0.02, 0.0, -0.01])
 """Time [s] that the recording's clock is ahead, and what its sensor [N], [N m] adds."""
-ANGLES = [f"q_A{k}_rad" for k in range(1, 8)]
+ANGLES, WRENCH = [f"q_A{k}_rad" for k in range(1, 8)], [f"wrist_{axis}" for axis in AXES]
 
 
-@pytest.fixture
-def planned(short: Path) -> tuple[RehearsalConfig, Plan]:
-    config = load_rehearsal(str(short))
-    return config, plan_motion(config)
+@pytest.fixture(scope="module")
+def plan(ran: Path) -> Plan:
+    return plan_motion(load_rehearsal(str(ran.parent / "short.yaml")))
 
 
-def write_recording(path: Path, times: np.ndarray, angles: np.ndarray) -> Path:
-    """Write angles (n, 7) [rad] at times (n,) [s]."""
+def write_recording(path: Path, rows: np.ndarray) -> Path:
+    """Write times [s] and angles [rad], and a wrench [N], [N m] where the rows have one."""
+    names = ["time_s", *ANGLES, *WRENCH][: rows.shape[1]]
     with path.open("w", newline="") as file:
-        csv.writer(file).writerows([["time_s", *ANGLES], *np.column_stack([times, angles])])
+        csv.writer(file).writerows([names, *rows])
     return path
 
 
-def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recording(short: Path,
-                                                                                     tmp_path: Path) -> None:
-    rehearse(str(short), tmp_path / "first")
-    rows = np.genfromtxt(tmp_path / "first" / "trajectory.csv", delimiter=",", names=True)
-    wrench = [f"wrist_{axis}" for axis in AXES]
-    table = np.column_stack([rows[name] for name in ("time_s", *ANGLES, *wrench)])
+def replay(plan: Plan, folder: Path, times: np.ndarray, angles: np.ndarray) -> Replay:
+    """Find the plan in a recording of angles (n, 7) [rad] at times (n,) [s]."""
+    log = read_log(write_recording(folder / "real.csv", np.column_stack([times, angles])), plan.config)
+    return make_replay(log, plan.motion, plan.arm, plan.config)
+
+
+def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recording(ran: Path, tmp_path: Path) -> None:
+    rows = np.genfromtxt(ran / "trajectory.csv", delimiter=",", names=True)
+    table = np.column_stack([rows[name] for name in ("time_s", *ANGLES, *WRENCH)])
     table[:, 0] += CLOCK
     table[:, 8:] += BIAS
-    with (tmp_path / "real.csv").open("w", newline="") as file:
-        csv.writer(file).writerows([["time_s", *ANGLES, *wrench], *table[::4]])
-
-    main(["rehearse", str(short), "--recorded", str(tmp_path / "real.csv"), "--no-video", "--out",
-          str(tmp_path / "again")])
+    recording, file = write_recording(tmp_path / "real.csv", table[::4]), str(ran.parent / "short.yaml")
+    main(["rehearse", file, "--recorded", str(recording), "--no-video", "--out", str(tmp_path / "again")])
     report = json.loads((tmp_path / "again" / "report.json").read_text())
     assert report["trajectory"] == "recorded"
-    assert report["recorded_clock_offset_s"] == pytest.approx(CLOCK + load_rehearsal(str(short)).grasp_time, abs=0.01)
+    assert report["recorded_clock_offset_s"] == pytest.approx(CLOCK + load_rehearsal(file).grasp_time, abs=0.01)
     assert report["recorded_joint_difference_max_deg"] < 0.2  # what the servo leaves
     assert report["recorded_force_offset_N"] == pytest.approx(BIAS[:3], abs=0.1)
     assert report["recorded_torque_offset_Nm"] == pytest.approx(BIAS[3:], abs=0.01)
@@ -68,50 +67,46 @@ def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recor
     assert "recorded less planned joint angle" in page and "recorded less its offset" in page
 
 
-def test_another_clock_and_a_displaced_joint_are_seen(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
-    config, plan = planned
+def test_another_clock_and_a_displaced_joint_are_seen(plan: Plan, tmp_path: Path) -> None:
     times = np.arange(-0.5, plan.motion.duration + 0.5, 0.008)
     angles = np.array([plan.motion.state(t).q for t in times])
     moved = angles + np.radians(0.8) * np.eye(7)[3]
     for start, given, difference in ((100.0, angles, 0.0), (-7.3, moved, 0.8)):
-        log = read_log(write_recording(tmp_path / "real.csv", times + start, given), config)
-        replay = make_replay(log, plan.motion, plan.arm, config)
-        assert replay.motion.offset == pytest.approx(start, abs=2e-3)
+        motion = replay(plan, tmp_path, times + start, given).motion
+        assert motion.offset == pytest.approx(start, abs=2e-3)
         middle = 0.5 * plan.motion.duration
-        apart = np.degrees(replay.motion.state(middle).q - plan.motion.state(middle).q)
+        apart = np.degrees(motion.state(middle).q - plan.motion.state(middle).q)
         assert apart == pytest.approx(difference * np.eye(7)[3], abs=0.02)
-        np.testing.assert_allclose(replay.motion.state(middle).qd, plan.motion.state(middle).qd, atol=0.02)
-        assert not replay.motion.state(-10.0).qd.any() and not replay.motion.state(1e3).qd.any()
+        np.testing.assert_allclose(motion.state(middle).qd, plan.motion.state(middle).qd, atol=0.02)
+        assert not motion.state(-10.0).qd.any() and not motion.state(1e3).qd.any()
 
 
-def test_an_approach_before_the_motion_is_no_part_of_it(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
+def test_an_approach_before_the_motion_is_no_part_of_it(plan: Plan, tmp_path: Path) -> None:
     """The arm comes from elsewhere, waits, and moves; and stands long afterwards."""
-    config, plan = planned
     approach, wait, after = 3.0, 4.0, 60.0
     times = np.arange(0.0, approach + wait + plan.motion.duration + after, 0.01)
-    start = plan.motion.state(0.0).q
     shares = np.clip(times / approach, 0.0, 1.0)[:, None]
     angles = np.array([plan.motion.state(t - approach - wait).q for t in times]) - 0.3 * (1.0 - shares) ** 2
-    replay = make_replay(read_log(write_recording(tmp_path / "real.csv", times, angles), config), plan.motion, plan.arm,
-                         config)
-    assert replay.motion.offset == pytest.approx(approach + wait, abs=5e-3)
-    assert replay.motion.duration < plan.motion.duration + 1.1
-    np.testing.assert_allclose(replay.motion.state(-config.grasp_time).q, start, atol=1e-3)
+    motion = replay(plan, tmp_path, times, angles).motion
+    assert motion.offset == pytest.approx(approach + wait, abs=5e-3)
+    assert motion.duration < plan.motion.duration + 1.1
+    np.testing.assert_allclose(motion.state(-plan.config.grasp_time).q, plan.motion.state(0.0).q, atol=1e-3)
 
 
-def test_recordings_of_something_else_are_refused(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
-    config, plan = planned
-    duration = plan.motion.duration
+def test_recordings_of_something_else_are_refused(plan: Plan, tmp_path: Path) -> None:
+    start, duration = plan.motion.state(0.0).q, plan.motion.duration
     cases = {"accepted: the whole planned motion of": (np.arange(0.0, 0.5 * duration, 0.01), 1.0),
-             "does not follow the planned motion": (np.arange(0.0, 3.0 * duration, 0.01), -1.0),
+             "does not follow the planned motion": (np.arange(0.0, 3.0 * duration, 0.01), -2.0),
              "of the planned motion; accepted: all": (np.arange(0.08 * duration, 2.0 * duration, 0.01), 1.0)}
-    for message, (times, sign) in cases.items():
-        q = np.array([plan.motion.state(t).q for t in times])
-        angles = q if sign > 0 else np.clip(plan.motion.state(0.0).q + 2.0 * (plan.motion.state(0.0).q - q),
-                                            plan.arm.lower, plan.arm.upper)
-        log = read_log(write_recording(tmp_path / "real.csv", times, angles), config)
+    for message, (times, factor) in cases.items():
+        angles = start + factor * (np.array([plan.motion.state(t).q for t in times]) - start)
         with pytest.raises(ConfigError, match=message):
-            make_replay(log, plan.motion, plan.arm, config)
+            replay(plan, tmp_path, times, np.clip(angles, plan.arm.lower, plan.arm.upper))
+    times = np.arange(0.0, duration, 0.01)
+    beyond = np.zeros((len(times), 7))
+    beyond[50, 1] = 2.5
+    with pytest.raises(ConfigError, match=r"real.csv: joint A2 is at 2.5000 rad at 0.500 s; accepted: -2.09"):
+        replay(plan, tmp_path, times, beyond)
 
 
 def test_the_offset_of_a_sensor_turns_with_it() -> None:
@@ -125,21 +120,11 @@ def test_the_offset_of_a_sensor_turns_with_it() -> None:
     recorded = np.column_stack([axes.inv().apply(weight), np.zeros((len(times), 3))]) + BIAS
     log = JointLog(Path("real"), Samples(times[::4], q[::4]), Samples(times[::4], recorded[::4]), "sensor")
     steps = Simulated(times, q, np.tile([*weight, 0.0, 0.0, 0.0], (len(times), 1)))
-    replay: Any = SimpleNamespace(log=log, motion=SimpleNamespace(offset=grasp_time))
-    found = compare_wrench(replay, steps, model, np.array([0]), grasp_time)
+    played: Any = SimpleNamespace(log=log, motion=SimpleNamespace(offset=grasp_time))
+    found = compare_wrench(played, steps, model, np.array([0]), grasp_time)
     assert found is not None and found.offset == pytest.approx(BIAS)
     np.testing.assert_allclose(found.recorded, found.simulated, atol=1e-9)
 
 
-def test_angles_that_the_arm_cannot_have_are_refused(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
-    config, plan = planned
-    times = np.arange(0.0, plan.motion.duration, 0.01)
-    angles = np.zeros((len(times), 7))
-    angles[50, 1] = 2.5
-    log = read_log(write_recording(tmp_path / "real.csv", times, angles), config)
-    with pytest.raises(ConfigError, match=r"real.csv: joint A2 is at 2.5000 rad at 0.500 s; accepted: -2.09"):
-        make_replay(log, plan.motion, plan.arm, config)
-
-
 def test_the_columns_are_those_that_a_run_writes() -> None:
-    assert {"time_s", *ANGLES, *[f"wrist_{axis}" for axis in AXES]} <= set(name_columns([f"A{k}" for k in range(1, 8)]))
+    assert {"time_s", *ANGLES, *WRENCH} <= set(name_columns([f"A{k}" for k in range(1, 8)]))
