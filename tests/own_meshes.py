@@ -1,13 +1,14 @@
 """A ladle and bowls, as a laboratory would draw them: files of millimetres."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
 
 BOWL_MM, WALL_MM = 28.0, 1.5
 """Inner radius and wall of the ladle's bowl."""
-HANDLE = {"head": (-0.060, 0.0, 0.0285), "end": (-0.1487, 0.0, 0.1172)}
+HANDLE = {"head": [-0.060, 0.0, 0.0285], "end": [-0.1487, 0.0, 0.1172]}
 """Line of the ladle's handle [m]."""
 HANDLE_MM = 8.0
 """Radius of the handle."""
@@ -31,6 +32,10 @@ def write_ladle(path: Path, sheet: bool = False) -> Path:
         head = trimesh.creation.revolve(arc, sections=64)
     trimesh.util.concatenate([head, rod]).export(path)
     return path
+
+
+def ladle_keys(mesh: Path | str, **changes: Any) -> dict[str, Any]:
+    return {"name": "ladle", "mesh": str(mesh), "scale": 1e-3, "mass": 0.12, "handle": HANDLE} | changes
 
 
 def write_bowl(path: Path, radius: float = 80.0, wall: float = 3.0) -> Path:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mpm
-from robosim import ConfigError, GranularPlugin
+from robosim import ConfigError, GranularPlugin, UnknownName
 from robosim.base.errors import BodyLeftGrid, RobotDiverged
 from robosim.coupling.mobility_probe import MobilityProbe
 
@@ -23,24 +23,25 @@ BOXES = """
 </mujoco>
 """
 NAMES = ("light", "middle", "heavy")
+CELL = 0.01
 
 
-def tray(model: mujoco.MjModel, data: mujoco.MjData, size: tuple[float, float, float] = (0.26, 0.1, 0.06),
-         cell: float = 0.01, dt: float | None = None, **choices: object) -> GranularPlugin:
-    """Sand below a scene, coupled to bodies of it."""
+def tray(xml: str, size: tuple[float, float, float] = (0.1, 0.1, 0.02), dt: float | None = None,
+         data: mujoco.MjData | None = None, **choices: object) -> GranularPlugin:
+    """Sand below a scene, coupled to bodies of it; data: of a scene that there is already."""
+    data = mujoco.MjData(mujoco.MjModel.from_xml_string(xml)) if data is None else data
     sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0, 0, 0), size, cell / 2, np.random.default_rng(0))
+    positions = mpm.sample_box((0, 0, 0), size, CELL / 2, np.random.default_rng(0))
     solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (size[0], size[1], 0.15), cell), walls=mpm.Walls(friction=0.5), dt=dt,
+        grid=mpm.Grid((0, 0, 0), (size[0], size[1], 0.15), CELL), walls=mpm.Walls(friction=0.5), dt=dt,
         bodies=[mpm.Body(sand, positions, volume=float(np.prod(size)) / len(positions))])
-    return GranularPlugin(model, data, solver, **choices)  # type: ignore[arg-type]
+    return GranularPlugin(data.model, data, solver, **choices)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
 def test_boxes_sink_in_the_order_of_their_density_and_rest_on_their_weight() -> None:
-    model = mujoco.MjModel.from_xml_string(BOXES)
-    data = mujoco.MjData(model)
-    plugin = tray(model, data, bodies=dict.fromkeys(NAMES))
+    plugin = tray(BOXES, (0.26, 0.1, 0.06), bodies=dict.fromkeys(NAMES))
+    model, data = plugin.model, plugin.data
     forces, residual, exchanged = [], np.zeros(6), np.zeros(2)
     for step in range(500):
         plugin.step()
@@ -81,9 +82,8 @@ EVERY_GEOM = """
 @pytest.mark.filterwarnings("ignore::mpm.errors.GrainsInSolid")  # it is the colliders that count
 def test_every_kind_of_geom_becomes_a_collider() -> None:
     """Distances of the union equal those of its parts: visual geoms are left out, bodies fixed to it are included."""
-    model = mujoco.MjModel.from_xml_string(EVERY_GEOM)
-    data = mujoco.MjData(model)
-    plugin = tray(model, data, (0.1, 0.1, 0.03), bodies={"stack": None, "ground": None, "world": None})
+    plugin = tray(EVERY_GEOM, bodies={"stack": None, "ground": None, "world": None})
+    model, data = plugin.model, plugin.data
     stack, ground, world = (plugin.solver.colliders[i] for i in range(3))
     assert (stack.mobile, ground.static, world.static) == (True, True, True)
     assert stack.sdf.distance(np.zeros((1, 3)))[0] == pytest.approx(-0.01)  # the sphere's middle
@@ -99,30 +99,29 @@ def test_every_kind_of_geom_becomes_a_collider() -> None:
 def test_without_contact_the_step_is_mujocos_own() -> None:
     """Bit for bit, with either integrator: a coupled body without contact moves as without coupling."""
     for integrator in ("Euler", "RK4"):
-        model = mujoco.MjModel.from_xml_string(BOXES.replace("<option", f'<option integrator="{integrator}"'))
-        plain, data = mujoco.MjData(model), mujoco.MjData(model)
+        plugin = tray(BOXES.replace("<option", f'<option integrator="{integrator}"'), bodies={"light": None})
+        plain, data = mujoco.MjData(plugin.model), plugin.data
         for d in (plain, data):
-            d.qvel[:] = np.linspace(-0.5, 0.5, model.nv)
-        plugin = tray(model, data, (0.1, 0.1, 0.02), bodies={"light": None})
+            d.qvel[:] = np.linspace(-0.5, 0.5, plugin.model.nv)
         for _ in range(10):
-            mujoco.mj_step(model, plain)
+            mujoco.mj_step(plugin.model, plain)
             plugin.step()
         assert (data.qpos == plain.qpos).all()
         assert (data.qvel == plain.qvel).all()
         plugin.solver.close()  # the next one compiles nothing
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
-@pytest.mark.parametrize("coupling", ["mobility", "lagged"])
+@pytest.mark.parametrize(("integrator", "coupling"), [
+    ("Euler", "mobility"), ("implicitfast", "mobility"), ("RK4", "mobility"), ("RK4", "lagged")])
 def test_the_control_callback_is_called_as_often_as_in_mj_step(integrator: str, coupling: str) -> None:
     """Trial steps do not call it."""
-    model = mujoco.MjModel.from_xml_string(BOXES.replace("<option", f'<option integrator="{integrator}"'))
+    plugin = tray(BOXES.replace("<option", f'<option integrator="{integrator}"'), bodies={"light": None},
+                  coupling=coupling)
     calls: list[float] = []
-    data, counts = [mujoco.MjData(model) for _ in range(2)], []
-    plugin = tray(model, data[0], (0.1, 0.1, 0.02), bodies={"light": None}, coupling=coupling)
+    plain, counts = mujoco.MjData(plugin.model), []
     mujoco.set_mjcb_control(lambda m, d: calls.append(d.time))
     try:
-        for step in (plugin.step, lambda: mujoco.mj_step(model, data[1])):
+        for step in (plugin.step, lambda: mujoco.mj_step(plugin.model, plain)):
             for _ in range(3):
                 step()
             counts.append(calls.copy())
@@ -133,10 +132,9 @@ def test_the_control_callback_is_called_as_often_as_in_mj_step(integrator: str, 
 
 
 def test_a_body_that_leaves_the_grid_causes_a_warning_and_falls_freely() -> None:
-    model = mujoco.MjModel.from_xml_string(BOXES)
-    data = mujoco.MjData(model)
+    plugin = tray(BOXES, bodies={"light": None})
+    data = plugin.data
     data.qvel[:3] = [-3.0, 0.0, 1.0]
-    plugin = tray(model, data, (0.1, 0.1, 0.02), bodies={"light": None})
     with pytest.warns(BodyLeftGrid, match="'light' left"):
         while not plugin.outside_grid:
             plugin.step()
@@ -148,10 +146,8 @@ def test_a_body_that_leaves_the_grid_causes_a_warning_and_falls_freely() -> None
 
 def test_a_body_too_fast_for_the_solver_has_diverged() -> None:
     """A body too fast for any substep is reported; MuJoCo itself warns at 1e10 only."""
-    model = mujoco.MjModel.from_xml_string(BOXES)
-    data = mujoco.MjData(model)
-    plugin = tray(model, data, (0.1, 0.1, 0.02), bodies={"light": None})
-    data.qvel[0] = 1e8
+    plugin = tray(BOXES, bodies={"light": None})
+    plugin.data.qvel[0] = 1e8
     with pytest.raises(RobotDiverged, match="collider 0 moves at 1e.08 m/s"):
         plugin.step()
 
@@ -179,13 +175,11 @@ def test_a_body_fixed_to_a_mocap_body_ploughs(repeated: bool, monkeypatch: pytes
         monkeypatch.setattr("robosim.coupling.schemes.NEGLIGIBLE_SPEED", 1e-9)
         monkeypatch.setattr(MobilityProbe, "predict", lambda probe, wrenches: (p := predict(probe, wrenches))._replace(
             mobility=0.5 * p.mobility))
-    model = mujoco.MjModel.from_xml_string(PLOUGH)
-    data = mujoco.MjData(model)
-    plugin = tray(model, data, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None},
+    plugin = tray(PLOUGH, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None},
                   tolerance=1e-3 if repeated else None)
     forces, grains, repeats = [], np.zeros(3), 0
     for _ in range(150):
-        data.mocap_pos[0, 0] += 0.2 * 0.002
+        plugin.data.mocap_pos[0, 0] += 0.2 * 0.002
         plugin.step()
         repeats += plugin.repeats
         forces.append(plugin.wrench("blade").force[0])
@@ -197,51 +191,24 @@ def test_a_body_fixed_to_a_mocap_body_ploughs(repeated: bool, monkeypatch: pytes
     assert plugin.solver.collider_pose(0).position[0] == pytest.approx(0.03 + 150 * 0.0004)
 
 
-@pytest.mark.filterwarnings("ignore::mpm.errors.GrainsInSolid")  # the blade begins in the bed
-@pytest.mark.slow
-def test_rewind_and_load_restore_the_solver() -> None:
-    """Grains, bodies' twists and motions: the next advances are equal to the bit."""
-    model = mujoco.MjModel.from_xml_string(PLOUGH)
-    data = mujoco.MjData(model)
-    plugin = tray(model, data, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None})
-    for _ in range(30):
-        data.mocap_pos[0, 0] += 0.2 * 0.002
-        plugin.step()
-    solver, state = plugin.solver, plugin.solver.state()
-    ends = []
-    solver.store_checkpoint()
-    for again in range(3):
-        if again == 1:
-            solver.restore_checkpoint()
-        elif again == 2:
-            solver.load(state)
-        for _ in range(3):
-            solver.advance(2e-3)
-        ends.append(solver.state())
-    for end in ends[1:]:
-        assert all((ends[0][name] == end[name]).all() for name in end)
-
-
 def test_invalid_input_is_refused() -> None:
-    model = mujoco.MjModel.from_xml_string(BOXES)
-    data = mujoco.MjData(model)
-    plugin = tray(model, data, bodies={"light": None})
-    for bodies in (["light"], "light", {"light"}):
-        with pytest.raises(ConfigError, match="accepted: a dictionary, name of a body -> index of its collider"):
-            tray(model, mujoco.MjData(model), bodies=bodies)
-    for name in ("light", "middle"):
-        with pytest.raises(ConfigError, match="another plugin steps this MjData"):
-            tray(model, data, bodies={name: None})
-    with pytest.raises(ConfigError, match="is 6.66667 substeps of"):
-        tray(model, mujoco.MjData(model), dt=0.0003, bodies={"middle": None})
-    far = mujoco.MjData(model)
+    plugin = tray(BOXES, bodies={"light": None})
+    far = mujoco.MjData(plugin.model)
     far.qpos[2] = 1.0
-    with pytest.raises(ConfigError, match="outside the solver's grid"):
-        tray(model, far, bodies={"light": None})
     open_mesh = EVERY_GEOM.replace("0 0 0.03\"/>", '0 0 0.03" face="0 2 1 0 1 3 1 2 3" inertia="shell"/>')
-    bad = mujoco.MjModel.from_xml_string(open_mesh)
-    with pytest.raises(ConfigError, match="mesh 'wedge' .* has open edges"):
-        tray(bad, mujoco.MjData(bad), bodies={"stack": None})
+    table = "accepted: a dictionary, name of a body -> index of its collider"
+    for xml, choices, message in (
+            *((BOXES, {"bodies": bodies}, table) for bodies in (["light"], "light", {"light"})),
+            *((BOXES, {"bodies": {name: None}, "data": plugin.data}, "another plugin steps this MjData")
+              for name in ("light", "middle")),
+            (BOXES, {"bodies": {"middle": None}, "dt": 0.0003}, "is 6.66667 substeps of"),
+            (BOXES, {"bodies": {"light": None}, "data": far}, "outside the solver's grid"),
+            (open_mesh, {"bodies": {"stack": None}}, "mesh 'wedge' .* has open edges"),
+            (BOXES, {"bodies": {"bux": 0}}, "'bux'; valid: heavy, light, middle, world"),
+            (BOXES, {"bodies": {"light": None}, "coupling": "strong"}, "'strong'; valid: lagged, mobility, one_way"),
+            (BOXES, {"bodies": {"light": 3}}, "collider 3 .* cannot move")):
+        with pytest.raises((ConfigError, UnknownName), match=message):
+            tray(xml, (0.26, 0.1, 0.06), **choices)
     W = np.diag([1.0, 1, 1, 1, 1, -1])
     with pytest.raises(mpm.InvalidValue, match="eigenvalue -1"):
         plugin.solver.set_collider_mobility(0, W, np.zeros(6))

@@ -25,7 +25,7 @@ def pour(name: str, target: float, plant: Plant) -> Dose:
     return Dose(make_controller(name, NUMBERS, SALT, Plant.dt), plant, target)
 
 
-@pytest.mark.parametrize("target", [1e-3, 5e-3, 20e-3, 45e-3, 60e-3])
+@pytest.mark.parametrize("target", [1e-3, 20e-3, 60e-3])
 @pytest.mark.parametrize("curve", [SALT, EARLY], ids=["known", "pours 10 deg earlier"])
 def test_pi_doses_within_the_accepted_error(curve: PourCurve, target: float) -> None:
     for seed in range(3):
@@ -95,15 +95,11 @@ def test_a_controller_begins_a_second_dose_like_the_first(name: str) -> None:
     np.testing.assert_array_equal(first.rates, second.rates)
 
 
-def test_the_accepted_error_is_the_larger_tolerance() -> None:
-    assert accepted_error(20e-3) == pytest.approx(0.4e-3) and accepted_error(5e-3) == pytest.approx(0.3e-3)
-    assert accepted_error(20e-3, 5.0, 0.3) == pytest.approx(1e-3)
-    assert accepted_error(20e-3, 0.0, 0.0) == 0.0
-
-
 @pytest.mark.parametrize("name", ["pi", "shaker"])
 def test_a_dose_ends_as_soon_as_its_error_is_accepted(name: str) -> None:
-    """A wide tolerance takes less time than a narrow one, and one that nothing meets does not go on for ever."""
+    """It is the larger of two tolerances. A wide one takes less time, and one that nothing meets no eternity."""
+    assert accepted_error(20e-3) == pytest.approx(0.4e-3) and accepted_error(5e-3) == pytest.approx(0.3e-3)
+    assert accepted_error(20e-3, 5.0, 0.3) == pytest.approx(1e-3) and accepted_error(20e-3, 0.0, 0.0) == 0.0
     wide, narrow, none = (Dose(make_controller(name, NUMBERS, SALT, Plant.dt), Plant(SALT, 1), 20e-3, accepted)
                           for accepted in (4e-3, 0.3e-3, 0.0))
     assert abs(wide.error) <= 4e-3 and wide.seconds < narrow.seconds

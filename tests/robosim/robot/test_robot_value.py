@@ -21,7 +21,6 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def read(path: Path, **more: Any) -> Any:
-    """Read a model with the flange `tip`."""
     return load_robot_model(ArmConfig.model_validate({"model": path.name, "flange": "tip", **more}), path.parent)
 
 

@@ -7,35 +7,37 @@ import pytest
 
 import mpm
 from robosim.base.errors import ConfigError
+from robosim.base.resources import container_names
 from robosim.config.materials import Law, load_material
 from robosim.config.rehearsal import load_rehearsal
+from robosim.config.scene import ContainerConfig
 from robosim.config.table import validate
+from robosim.envs import TASKS
 from robosim.scene.field import build_field, build_tool_lattice, check_field
 from robosim.scene.frames import container_pose
-from robosim.scene.grains import fill, leave_out_buried
+from robosim.scene.grains import container_region, fill, is_in_container, leave_out_buried
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
 from robosim.shapes.solids import CONTAINER_CORNER, make_container_shell
 from robosim.tasks.task import load_task
 
-TASKS = ["SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
-         "ShovelMove"]
+PLACE = mpm.Pose(np.array([0.7, 0.1, 0.25]), np.array([1.0, 0.0, 0.0, 0.0]))
+"""Of the tool."""
 
 
 def test_material_fills_the_configured_region():
     """In the bottle up to the fill height and not in its wall; on the table as large as the pile."""
     bottle = load_rehearsal("bottle")
     sdf = build_tool_lattice(bottle)
-    pose = mpm.Pose(np.array([0.7, 0.1, 0.3]), np.array([1.0, 0.0, 0.0, 0.0]))
-    positions, volume = fill(bottle, sdf, pose)
-    local, region = positions - pose.position, tool_shape("bottle").interior
+    positions, volume = fill(bottle, sdf, PLACE)
+    local, region = positions - PLACE.position, tool_shape("bottle").interior
     assert region.holds(local).all() and (sdf.distance(local) > 0).all()
     height = local[:, 2].max() - (region.centre[2] - region.half[2])
     assert height == pytest.approx(bottle.tool_fill_height, abs=0.005)
     # a body of 3 cm radius, filled to about 5 cm above its floor
     assert volume * len(positions) == pytest.approx(np.pi * 0.03**2 * 0.052, rel=0.15)
     shovel = load_rehearsal("shovel")
-    positions, volume = fill(shovel, sdf, pose)
+    positions, volume = fill(shovel, sdf, PLACE)
     assert volume * len(positions) == pytest.approx(0.05 * 0.05 * 0.015, rel=1e-9)
     assert (np.abs(positions - shovel.pile.centre) <= np.array(shovel.pile.half) + 1e-12).all()
     with pytest.raises(ConfigError, match="tool_fill_height = 0.2 m; accepted: up to"):
@@ -43,37 +45,39 @@ def test_material_fills_the_configured_region():
 
 
 def salt() -> Law:
-    """The law of salt."""
     return load_material("salt").make_law()
 
 
-@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel"])
-def test_no_rehearsal_begins_with_grains_in_a_solid(name: str) -> None:
+@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel", *TASKS])
+def test_nothing_begins_with_grains_in_a_solid(name: str) -> None:
     """A warning, which is an error here, counts grains more than a quarter of their size inside a wall."""
-    pose = mpm.Pose(np.array([0.7, 0.1, 0.25]), np.array([1.0, 0.0, 0.0, 0.0]))
-    with build_field(load_rehearsal(name), salt(), pose).solver as solver:
-        assert len(solver.positions()) > 100
-
-
-@pytest.mark.parametrize("name", TASKS)
-def test_no_sub_task_begins_with_grains_in_a_solid(name: str) -> None:
-    task = load_task(name)
-    with build_field(task, salt(), task.start.pose).solver as solver:
-        assert len(solver.positions()) == task.grains.count
+    task = load_task(name) if name in TASKS else None
+    config, place = (load_rehearsal(name), PLACE) if task is None else (task, task.start.pose)
+    with build_field(config, salt(), place).solver as solver:
+        assert len(solver.positions()) > 100 if task is None else len(solver.positions()) == task.grains.count
 
 
 @pytest.mark.parametrize("given", [{}, {"contact": "touching"}])
 def test_a_file_sets_the_contact_of_rehearsals_and_sub_tasks(given: dict) -> None:
     """The key reaches the solver; where it is left at the default, a file's digest is what it was without the key."""
-    pose, contact = mpm.Pose(np.array([0.7, 0.1, 0.25]), np.array([1.0, 0.0, 0.0, 0.0])), given.get("contact", "near")
-    config, task = (validate(file.model_dump() | {"field": file.field.model_dump() | given}, Path("test"), type(file))
-                    for file in (load_rehearsal("spoon"), load_task("SpoonScoop")))
-    for field in (config.field, task.field):
-        assert field.contact == contact
-        assert ("contact" in field.model_dump(mode="json")) == (contact == "touching")
-    with build_field(config, salt(), pose).solver as solver, build_field(task, salt(), pose).solver as other:
-        assert solver.numerics.contact == other.numerics.contact == contact
-        assert solver.features.touching == other.features.touching == (contact == "touching")
+    contact = given.get("contact", "near")
+    for file in (load_rehearsal("spoon"), load_task("SpoonScoop")):
+        table = file.model_dump() | {"field": file.field.model_dump() | given}
+        config = validate(table, Path("test"), type(file))
+        assert config.field.contact == contact
+        assert ("contact" in config.field.model_dump(mode="json")) == (contact == "touching")
+        with build_field(config, salt(), PLACE).solver as solver:
+            assert solver.numerics.contact == contact and solver.features.touching == (contact == "touching")
+
+
+@pytest.mark.parametrize("name", container_names())
+def test_the_region_that_is_shown_holds_the_grains_that_count_however_the_container_is_turned(name: str) -> None:
+    container, size = ContainerConfig(position=(0.7, -0.2, 0.006), yaw_deg=35.0), np.array(read_inner_size(name))
+    region, pose = container_region(name, container)
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (20_000, 3)) * size + [0.7, -0.2, size[2] / 2]
+    counted = is_in_container(points, name, container)
+    assert 1000 < counted.sum() < 19_000
+    assert np.array_equal(region.holds(pose.inverse().apply(points)), counted)
 
 
 def test_a_container_is_filled_up_to_its_rounded_edges() -> None:

@@ -3,8 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
+from bundled import rehearsal
 
-from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.robot.joint_control import TorqueSensors
 from robosim.robot.model import Arm
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
@@ -47,19 +48,10 @@ def hold(config: RehearsalConfig, load: np.ndarray, duration: float, swing: floa
     return scene, data, grasp, before
 
 
-def test_fingers_hold_the_spoon_with_its_load() -> None:
-    config = load_rehearsal("spoon").model_copy(update={"grasp": "friction"})
-    scene, _, grasp, _ = hold(config, np.array([0.0, 0.0, -0.5]), 1.5)
-    assert scene.model.nq == 23  # seven of the arm, nine of the hand, seven of a free tool
-    assert grasp.is_released
-    assert 0.0 < grasp.slip < 0.001
-    assert np.degrees(grasp.slip_angle) < 1.0
-
-
 @pytest.mark.parametrize("name", ["spoon", "bottle"])
 def test_tool_held_by_friction_does_not_creep_while_the_arm_moves(name: str) -> None:
     """All joints swing by 0.3 rad; as a free body the tool would creep by 1 mm in a second, at any time step."""
-    config = load_rehearsal(name).model_copy(update={"grasp": "friction"})
+    config = rehearsal(name, grasp="friction")
     settled = hold(config, np.zeros(3), 0.8)[2].slip
     assert settled < 0.0015
     _, data, grasp, _ = hold(config, np.zeros(3), 3.2, swing=0.3)  # ends in the middle of a swing, at speed
@@ -72,7 +64,7 @@ def test_contact_is_as_stiff_as_the_pads() -> None:
 
     MuJoCo's mean with the default compliance of the metal handle would give 0.05 deg.
     """
-    config = load_rehearsal("scoop").model_copy(update={"grasp": "friction"})
+    config = rehearsal("scoop", grasp="friction")
     angles = []
     for load in (0.0, -3.0):
         scene, data, grasp, _ = hold(config, np.array([0.0, 0.0, load]), 1.5)
@@ -85,8 +77,9 @@ def test_contact_is_as_stiff_as_the_pads() -> None:
 
 def test_a_free_tool_collides_with_the_palm() -> None:
     """Pushed up between the fingers, the handle stops where the palm begins."""
-    config = load_rehearsal("spoon").model_copy(update={"grasp": "friction"})
+    config = rehearsal("spoon", grasp="friction")
     model = compile_rehearsal(config).model
+    assert model.nq == 23  # seven of the arm, nine of the hand, seven of a free tool
     data = mujoco.MjData(model)
     data.eq_active[model.equality(HOLDER).id] = 0
     palm = model.body("hand_palm").id
@@ -99,18 +92,14 @@ def test_a_free_tool_collides_with_the_palm() -> None:
     assert frozenset(("hand_palm_box", "spoon_handle")) in touching
 
 
-def test_fixed_tool_does_not_slip() -> None:
-    _, _, grasp, _ = hold(load_rehearsal("spoon"), np.array([0.0, 0.0, -5.0]), 0.7)
-    assert not grasp.is_by_friction and grasp.slip == 0.0
-
-
 def test_external_torque_is_the_one_of_the_load() -> None:
     """J^T F of a force on the spoon, at rest; near zero without a force."""
-    config = load_rehearsal("spoon")
+    config = rehearsal("spoon")
     arm = Arm(assemble_rehearsal(config))
     external = {}
     for force in (0.0, -6.0):
-        scene, data, _, before = hold(config, np.array([0.0, 2.0 * (force != 0), force]), 1.5)
+        scene, data, grasp, before = hold(config, np.array([0.0, 2.0 * (force != 0), force]), 1.5)
+        assert not grasp.is_by_friction and grasp.slip == 0.0  # the tool is fixed
         sensors = TorqueSensors(scene.model, data, arm)
         q, qd = data.qpos[scene.arm_qpos], data.qvel[scene.arm_dofs]
         external[force] = sensors.estimate_external(q, before, (qd - before) / scene.model.opt.timestep)

@@ -17,8 +17,7 @@ def half_sphere(radius: float = 0.04, sections: int = 96) -> trimesh.Trimesh:
     return trimesh.creation.revolve(radius * np.column_stack([np.cos(angle), np.sin(angle)]), sections=sections)
 
 
-@pytest.mark.parametrize("suffix", [".stl", ".obj"])
-@pytest.mark.parametrize("scale", [1.0, 1e-3])
+@pytest.mark.parametrize(("suffix", "scale"), [(".stl", 1e-3), (".obj", 1.0)])
 def test_a_surface_becomes_a_wall_of_its_area_and_thickness(suffix: str, scale: float, tmp_path: Path) -> None:
     """A thin half sphere: 2 pi r^2 t, and inside it 2/3 pi (r - t/2)^3 of water, less what the lattice rounds."""
     path, thickness = tmp_path / f"bowl{suffix}", 1.5e-3

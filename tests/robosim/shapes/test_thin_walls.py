@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from own_meshes import BOWL_MM, HANDLE, WALL_MM, half_sphere, write_ladle
+from own_meshes import BOWL_MM, HANDLE, WALL_MM, half_sphere, ladle_keys, write_ladle
 from scipy.spatial.transform import Rotation
 
 import mpm
@@ -50,8 +50,7 @@ def test_of_containers(cup: ContainerShape) -> None:
 def ladle(tmp_path_factory: pytest.TempPathFactory) -> ToolShape:
     """A ladle of one's own: the middle of its wall, with a rod."""
     path = write_ladle(tmp_path_factory.mktemp("sheet") / "ladle.stl", sheet=True)
-    return tool_shape(ToolConfig.model_validate({"name": "ladle", "mesh": str(path), "scale": 1e-3, "mass": 0.12,
-                                                 "thickness": 1e-3 * WALL_MM, "handle": HANDLE}))
+    return tool_shape(ToolConfig.model_validate(ladle_keys(path, thickness=1e-3 * WALL_MM)))
 
 
 def test_an_own_tool_has_a_shell_and_a_lip_where_its_files_tell(ladle: ToolShape, tmp_path: Path) -> None:
@@ -63,7 +62,7 @@ def test_an_own_tool_has_a_shell_and_a_lip_where_its_files_tell(ladle: ToolShape
     solid.export(tmp_path / "bowl.stl")
     face.invert()  # it is turned to what it holds
     face.export(tmp_path / "face.stl")
-    keys = {"mesh": str(tmp_path / "bowl.stl"), "scale": 1e-3, "mass": 0.1, "handle": {**HANDLE, "radius": 0.01}}
+    keys = ladle_keys(tmp_path / "bowl.stl", handle={**HANDLE, "radius": 0.01})
     closed = tool_shape(ToolConfig.model_validate(keys | {"thickness": 1e-3 * WALL_MM,
                                                           "inner_face": str(tmp_path / "face.stl")}))
     check_face(closed.head_shell().mesh, closed.head, 1e-3 * WALL_MM)

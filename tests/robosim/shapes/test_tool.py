@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from own_meshes import BOWL_MM, HANDLE, HANDLE_MM, WALL_MM, half_sphere, write_ladle
+from own_meshes import BOWL_MM, HANDLE, HANDLE_MM, WALL_MM, half_sphere, ladle_keys, write_ladle
 
 from robosim.base.errors import ConfigError
 from robosim.base.resources import folder, tool_names
@@ -23,9 +23,7 @@ GROWN = 4e-3
 
 
 def configure(path: Path, **changes) -> ToolConfig:
-    """Return the ladle's configuration."""
-    keys = {"name": "ladle", "mesh": str(path), "scale": 1e-3, "mass": 0.12, "handle": HANDLE}
-    return ToolConfig.model_validate(keys | changes)
+    return ToolConfig.model_validate(ladle_keys(path, **changes))
 
 
 @pytest.fixture(scope="module")
@@ -151,18 +149,17 @@ def test_a_bundled_tool_is_its_meshes(name: str) -> None:
         assert (gaps < 1e-9).sum() >= len(gaps) - 2  # but for poles of the face that are no vertices of the head
 
 
-def test_capacities_are_those_up_to_the_rim() -> None:
+@pytest.mark.parametrize(("name", "capacity", "accuracy", "lip"), [
+    ("spoon", 2 / 3 * np.pi * 0.035 * 0.025 * 0.030, 0.01, [0.035, 0, 0]),
+    ("scoop", 0.25 * np.pi * 0.060 * 0.030 * (0.085 - 0.014 / 3), 0.01, [0.0425, 0, -0.030]),
+    ("shovel", 0.06 * 0.08 * 0.05, 0.1, None), ("bottle", None, None, [0.020, 0, 0.0605]),
+    ("shaker", None, None, [0, 0, 0.0605])])
+def test_capacities_are_those_up_to_the_rim_and_lips_are_there(name: str, capacity: float | None,
+                                                               accuracy: float | None, lip: list[float] | None) -> None:
     """Half an ellipsoid; half an elliptic cylinder whose back is half an ellipsoid; and the region before a blade."""
-    assert tool_shape("spoon").capacity == pytest.approx(2 / 3 * np.pi * 0.035 * 0.025 * 0.030, rel=0.01)
-    assert tool_shape("scoop").capacity == pytest.approx(0.25 * np.pi * 0.060 * 0.030 * (0.085 - 0.014 / 3), rel=0.01)
-    assert tool_shape("shovel").capacity == pytest.approx(0.06 * 0.08 * 0.05, rel=0.1)
-
-
-def test_lips_of_the_bundled_tools() -> None:
-    for name, lip in (("spoon", [0.035, 0, 0]), ("scoop", [0.0425, 0, -0.030]), ("bottle", [0.020, 0, 0.0605]),
-                      ("shaker", [0, 0, 0.0605])):
-        assert tool_shape(name).lip == pytest.approx(lip, abs=1e-6)
-    assert tool_shape("shovel").lip is None  # it holds nothing
+    tool = tool_shape(name)
+    assert tool.lip is None if lip is None else tool.lip == pytest.approx(lip, abs=1e-6)
+    assert capacity is None or tool.capacity == pytest.approx(capacity, rel=accuracy)
 
 
 def test_a_handle_has_a_mesh_and_a_mass_of_its_own(tmp_path: Path) -> None:
