@@ -1,36 +1,25 @@
-"""Dosing environments: Gymnasium's rules, the drawn target, no mass lost, the end, states, and heaps that stand."""
+"""Dosing environments: the drawn target, no mass lost, the end, states, and heaps that stand."""
 
 import pickle
-import warnings
 from collections.abc import Iterator
-from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
+from grain_envs import make, make_vector, same
 
-import robosim  # noqa: F401  (registers the environments)
 from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
 from robosim.senses.perception import Perception, PerceptionOptions
 from robosim.senses.term import SenseScene
 
-TERMS = [None, ["target", "scale"], ["tool", {"name": "scale", "lag": 0.0}, "height_map", "grains"], "moments"]
 STILL = np.array([0, 0, 0, 0, 0, 0, -1, 0], np.float32)
 """Action of a tool that neither moves nor vibrates."""
 EXACT = {"name": "scale", "lag": 0.0, "readability": 0.0, "repeatability": 0.0}
 
 
-def make_env(name: str, **options: Any) -> GrainEnv:
-    env = gymnasium.make(f"robosim/{name}-v0", disable_env_checker=True, **options).unwrapped
-    assert isinstance(env, GrainEnv)
-    return env
-
-
 @pytest.fixture(scope="module")
 def spoon() -> Iterator[GrainEnv]:
-    env = make_env("DoseSpoon", obs=["tool", "goal", "time", EXACT, "target"])
+    env = make("DoseSpoon", obs=["tool", "goal", "time", EXACT, "target"])
     yield env
     env.close()
 
@@ -44,17 +33,6 @@ def turn(env: GrainEnv, to_deg: float, rate: float = 1.0, amplitude: float = -1.
         action[3] = -np.clip(rest / per_action, -rate, rate)
         steps.append(env.step(action))
     return steps
-
-
-@pytest.mark.parametrize("arm", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_gymnasium_has_no_complaint(arm: bool) -> None:
-    for terms in TERMS:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            warnings.filterwarnings("ignore", message=".*not the same as the gym.*")
-            env = gymnasium.make("robosim/DoseSpoon-v0", obs=terms, arm=arm)
-            check_env(env.unwrapped, skip_render_check=True)
-            env.close()
 
 
 def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
@@ -72,25 +50,15 @@ def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
         spoon.reset(options={"draw": draw})
 
 
-@pytest.mark.parametrize("layout", ["flat", "dict", "none"])
-def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv, layout: Any) -> None:
+def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv) -> None:
     seen, _ = spoon.reset(seed=4)
-    perception = Perception(spoon.task, PerceptionOptions(layout))
-    perception.build(SenseScene(spoon.task, spoon.material, spoon.solver))
-    sight = spoon._member.look(np.zeros((len(perception.grains), 6), np.float32))
-    read = perception.read(sight, perception.begin(sight, 0))
-    target = read["target"] if layout == "dict" else read[perception.slices["target"]]
-    assert np.array_equal(target, seen["target"]) and target.dtype == np.float32
-
-
-def test_same_seed_same_bits(spoon: GrainEnv) -> None:
-    def play(seed: int) -> list[bytes]:
-        rng, seen = np.random.default_rng(seed), [spoon.reset(seed=seed)[0]]
-        for _ in range(20):
-            seen.append(spoon.step(rng.uniform(-1, 1, 8).astype(np.float32))[0])
-        return [part.tobytes() for one in seen for part in one.values()]
-
-    assert play(3) == play(3) != play(4)
+    for layout in ("flat", "dict", "none"):
+        perception = Perception(spoon.task, PerceptionOptions(layout))
+        perception.build(SenseScene(spoon.task, spoon.material, spoon.solver))
+        sight = spoon._member.look(np.zeros((len(perception.grains), 6), np.float32))
+        read = perception.read(sight, perception.begin(sight, 0))
+        target = read["target"] if layout == "dict" else read[perception.slices["target"]]
+        assert np.array_equal(target, seen["target"]) and target.dtype == np.float32
 
 
 def test_no_mass_is_lost_and_the_balance_shows_what_is_poured(spoon: GrainEnv) -> None:
@@ -119,7 +87,7 @@ def test_no_mass_is_lost_and_the_balance_shows_what_is_poured(spoon: GrainEnv) -
 @pytest.mark.slow
 def test_in_a_batch_each_ends_at_its_own_time() -> None:
     """Two tilt and come back, one 0.1 s after the other, and end 0.5 s after they are level; the third stays still."""
-    vector = gymnasium.make_vec("robosim/DoseSpoon-v0", num_envs=3, workers=1, action_repeat=25, obs=["time"])
+    vector = make_vector("DoseSpoon", action_repeat=25, obs=["time"])
     vector.reset(seed=5)
     ends = []
     for k in range(15):
@@ -141,18 +109,14 @@ def test_in_a_batch_each_ends_at_its_own_time() -> None:
 def test_a_state_continues_to_the_bit(spoon: GrainEnv) -> None:
     """In the middle of a vibration."""
     spoon.reset(seed=2)
-    rng = np.random.default_rng(0)
-    actions = rng.uniform(-1, 1, (20, 8)).astype(np.float32)
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 8)).astype(np.float32)
     for action in actions[:10]:
         spoon.step(action)
     state = pickle.loads(pickle.dumps(spoon.state()))
     first = [spoon.step(action) for action in actions[10:]]
     spoon.reset(seed=7)
     spoon.load(state)
-    again = [spoon.step(action) for action in actions[10:]]
-    for one, other in zip(first, again):
-        assert one[1:4] == other[1:4] and one[4]["readings"] == other[4]["readings"]
-        assert all(np.array_equal(one[0][name], other[0][name]) for name in one[0])
+    assert same([spoon.step(action) for action in actions[10:]], first)
 
 
 def test_a_heap_in_a_still_spoon_stands(spoon: GrainEnv) -> None:
@@ -169,7 +133,7 @@ def test_a_heap_in_a_still_spoon_stands(spoon: GrainEnv) -> None:
 
 def test_a_place_moves_the_receiver_and_what_counts_as_in_it() -> None:
     """The cup stands 20 mm aside; a tool that follows pours into it."""
-    env = make_env("DoseSpoon", obs=["goal", EXACT], randomize={"place_x": (0.02, 0.02), "place_y": (0.01, 0.01)})
+    env = make("DoseSpoon", obs=["goal", EXACT], randomize={"place_x": (0.02, 0.02), "place_y": (0.01, 0.01)})
     seen, _ = env.reset(seed=0, options={"nominal": True, "shift": (0.02, 0.01, 0.0)})
     assert seen["goal"] == pytest.approx([0.0, 0.035, -0.05], abs=1e-6)
     readings = turn(env, 60.0)[-1][4]["readings"]
@@ -184,7 +148,7 @@ def test_a_place_moves_the_receiver_and_what_counts_as_in_it() -> None:
 @pytest.mark.slow
 def test_the_arm_carries_the_vibration() -> None:
     """The servo follows a vibration of 1 mm from peak to peak at 20 Hz, if not exactly, and the arm touches nothing."""
-    env = make_env("DoseSpoon", arm=True, obs=["tool", "scale"], action_repeat=1)
+    env = make("DoseSpoon", arm=True, obs=["tool", "scale"], action_repeat=1)
     env.reset(seed=0, options={"nominal": True})
     spread = []
     for amplitude in (-1.0, 1.0):

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from own_meshes import BOWL_MM, HANDLE, write_bowl, write_ladle
+from bundled import read_bundled
+from grain_envs import make
+from own_meshes import BOWL_MM, ladle_keys, write_bowl, write_ladle
 
 from robosim.base.errors import ConfigError
-from robosim.base.resources import config_path
 from robosim.config.tool import ToolConfig
-from robosim.envs import make
 from robosim.scene.field import build_tool_lattice
 from robosim.scene.grains import fill, grain_volume
 from robosim.studies.evaluation.evaluate import evaluate
@@ -33,12 +33,10 @@ def folder(tmp_path: Path) -> Path:
     """A folder with both meshes and a file of the ladle, and a task in a folder below it."""
     write_ladle(tmp_path / "ladle.stl")
     write_bowl(tmp_path / "bowl.stl")
-    tool = {"name": "ladle", "mesh": "ladle.stl", "scale": 1e-3, "mass": 0.12,
-            "handle": {name: list(point) for name, point in HANDLE.items()}}
-    (tmp_path / "ladle.yaml").write_text(yaml.safe_dump(tool))
-    task = yaml.safe_load(config_path("tasks", "SpoonScoop", "task").read_text())
-    task |= {"tool": "../ladle.yaml", "containers": {"bowl": {"mesh": "../bowl.stl", "scale": 1e-3, "yaw_deg": 90,
-                                                           "position": [0.78, 0.0, 0.0], "fill_height": 0.06}}}
+    (tmp_path / "ladle.yaml").write_text(yaml.safe_dump(ladle_keys("ladle.stl")))
+    task = read_bundled("tasks", "SpoonScoop") | {
+        "tool": "../ladle.yaml", "containers": {"bowl": {"mesh": "../bowl.stl", "scale": 1e-3, "yaw_deg": 90,
+                                                         "position": [0.78, 0.0, 0.0], "fill_height": 0.06}}}
     (tmp_path / "tasks").mkdir()
     (tmp_path / "tasks" / "LadleScoop.yaml").write_text(yaml.safe_dump(task))
     return tmp_path
@@ -61,18 +59,16 @@ def test_grains_fill_a_round_bowl_up_to_their_height(folder: Path) -> None:
 
 def test_another_tool_in_a_sub_task(folder: Path) -> None:
     """The ladle is filled to its inner surface, and holds all of its grains while it stays level."""
-    env = make("SpoonTranslate", tool=str(folder / "ladle.yaml"), action_repeat=250, obs="none").unwrapped
-    assert env.task.tool_name == "ladle"  # pyright: ignore[reportAttributeAccessIssue]
+    env = make("SpoonTranslate", tool=str(folder / "ladle.yaml"), action_repeat=250, obs="none")
+    assert env.task.tool_name == "ladle"
     env.reset(seed=0, options={"nominal": True})
-    pose = env.solver.collider_pose(TOOL)  # pyright: ignore[reportAttributeAccessIssue]
-    local = pose.inverse().apply(env.solver.positions())  # pyright: ignore[reportAttributeAccessIssue]
+    pose = env.solver.collider_pose(TOOL)
+    local = pose.inverse().apply(env.solver.positions())
     wall = np.linalg.norm(local, axis=1)[local[:, 2] < -0.004]
     assert len(wall) > 50 and wall.max() < 1e-3 * BOWL_MM + 0.002
-    info = env.step(np.zeros(env.action_space.shape, np.float32))[4]  # pyright: ignore[reportArgumentType]
+    info = env.step(np.zeros(env.action_space.shape, np.float32))[4]
     assert info["readings"]["retained"] == 1.0 and info["readings"]["spilled"] == 0.0
     env.close()
-    with pytest.raises(ConfigError, match="options: tool: unknown 'ladel'; valid: bottle, scoop, shaker, shovel"):
-        make("SpoonTranslate", tool="ladel")
 
 
 def test_what_does_not_fit_is_refused_by_name(folder: Path) -> None:
@@ -80,6 +76,7 @@ def test_what_does_not_fit_is_refused_by_name(folder: Path) -> None:
     text = path.read_text()
     for old, new, message in (("  bowl:", "  ladle:", "'ladle' is the tool's name"),
                               ("../ladle.yaml", "ladle.yaml", "tasks/ladle.yaml: no such file"),
+                              ("../ladle.yaml", "ladel", "tool: unknown 'ladel'; valid: bottle, scoop, shaker"),
                               ("../bowl.stl", "../bowl.step", "bowl.step")):
         path.write_text(text.replace(old, new))
         with pytest.raises(ConfigError, match=message):

@@ -1,37 +1,22 @@
 """The shaker: what leaves its holes is the law's and arrives in the cup; what it cannot be used with is refused."""
 
-import warnings
-
-import gymnasium
 import numpy as np
 import pytest
+from grain_envs import make, play
 
-import robosim  # noqa: F401  (registers the environments)
 from robosim.base.errors import ConfigError
-from robosim.envs.grain_env import GrainEnv
 from robosim.scene.field import build_tool_sdf
 from robosim.shapes import tool_shape
-from robosim.studies.evaluation.policies import make_policy
 from robosim.tasks.counting import TOOL
-
-
-def make_env(**options) -> GrainEnv:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        env = gymnasium.make("robosim/DoseShaker-v0", disable_env_checker=True, **options).unwrapped
-    assert isinstance(env, GrainEnv)
-    return env
+from robosim.tasks.task import load_task
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
 def test_the_script_shakes_salt_into_the_cup() -> None:
     """Upright it keeps all of it; turned over, what has left the holes is in the cup or falls there."""
-    env = make_env(randomize={})
-    env.reset(seed=0)
-    policy, over = make_policy("scripted", env, 0), False
-    while not over:
-        _, _, terminated, truncated, info = env.step(policy(env.observation))
-        over = terminated or truncated or env.episode.time > 4.0
+    env = make("DoseShaker", task=load_task("DoseShaker").model_copy(update={"steps": 2000}), randomize={})
+    _, info, _ = play(env)  # 4 s
     readings, passed = info["readings"], float(env.solver.passed_mass(TOOL).sum())
     grain = env.solver.masses()[0]
     assert passed > 20 * grain and readings["spilled"] == 0.0
@@ -55,8 +40,8 @@ def test_holes_lie_in_the_cap() -> None:
 
 def test_what_a_shaker_cannot_be_used_with_is_refused() -> None:
     with pytest.raises(ConfigError, match="'shaker' with a material without grain_diameter"):
-        make_env(material="flour")
+        make("DoseShaker", material="flour")
     with pytest.raises(ConfigError, match="randomize: material with the tool 'shaker'"):
-        make_env(randomize={"material": ["salt", "sugar"]})
+        make("DoseShaker", randomize={"material": ["salt", "sugar"]})
     with pytest.raises(ConfigError, match="'shaker' with a wall of 0.003 m: its holes are smaller than a cell"):
         build_tool_sdf("shaker", 0.003)

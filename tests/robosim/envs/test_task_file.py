@@ -2,11 +2,13 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 import yaml
+from bundled import read_bundled
 
 import mpm
 from policies.demonstrations.export import export
@@ -29,13 +31,17 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+def write(name: str, basis: str, **keys: Any) -> str:
+    """Write a bundled task with other top keys; return the file's name."""
+    Path(name).write_text(yaml.safe_dump(read_bundled("tasks", basis) | keys))
+    return name
+
+
 def written(name: str) -> str:
     """A SpoonTranslate with another friction and a target elsewhere."""
-    task = yaml.safe_load(config_path("tasks", "SpoonTranslate", "task").read_text())
-    task["field"]["tool_friction"] = 0.3
-    task["goal"][1] -= 0.02
-    Path(name).write_text(yaml.safe_dump(task))
-    return name
+    task = read_bundled("tasks", "SpoonTranslate")
+    x, y, z = task["goal"]
+    return write(name, "SpoonTranslate", field=task["field"] | {"tool_friction": 0.3}, goal=[x, y - 0.02, z])
 
 
 def test_a_task_file_makes_its_environment() -> None:
@@ -53,11 +59,9 @@ def test_a_task_file_makes_its_environment() -> None:
 
 def test_a_new_sort_of_task_is_a_file() -> None:
     """A push with a term for contact and one for the shovel's turn, which none of the bundled tasks combines."""
-    task = yaml.safe_load(config_path("tasks", "ShovelMove", "task").read_text())
-    task["reward"] |= {"contact": 0.001, "turn": {"scale": 2.0, "margin": 1.0, "angle_deg": -20}}
-    task["success"] = {"delivered": 0.1, "turn_error_deg": 30}
-    Path("sweep.yaml").write_text(yaml.safe_dump(task))
-    env = make("sweep.yaml", action_repeat=ACTION_REPEAT)
+    reward = {"contact": 0.001, "turn": {"scale": 2.0, "margin": 1.0, "angle_deg": -20}}
+    env = make(write("sweep.yaml", "ShovelMove", reward=read_bundled("tasks", "ShovelMove")["reward"] | reward,
+                     success={"delivered": 0.1, "turn_error_deg": 30}), action_repeat=ACTION_REPEAT)
     env.reset(seed=0, options={"nominal": True})
     terms = env.unwrapped.reward.terms  # pyright: ignore[reportAttributeAccessIssue]
     assert list(terms) == ["distance", "lost", "target", "contact", "turn"]
@@ -74,21 +78,15 @@ def test_a_new_sort_of_task_is_a_file() -> None:
 @pytest.mark.parametrize(("section", "keys", "message"), [
     ("reward", {"collision": -0.1}, "reward.collision = -0.1 without a container; accepted: 0"),
     ("reward", {"poured": 0.1}, "reward.poured = 0.1, reward.lost = -.*; accepted: one of them"),
-    ("success", {"turn_error_deg": 10}, "success.turn_error_deg = 10.0 without reward.turn; accepted: null"),
-    ("start", {"pile": None}, "key 'start.pile' is now called 'pile'; rename it")])
+    ("success", {"turn_error_deg": 10}, "success.turn_error_deg = 10.0 without reward.turn; accepted: null")])
 def test_parts_of_a_task_that_do_not_fit_are_named(section: str, keys: dict, message: str) -> None:
-    task = yaml.safe_load(config_path("tasks", "ShovelMove", "task").read_text())
-    task[section] |= keys
-    Path("mine.yaml").write_text(yaml.safe_dump(task))
     with pytest.raises(ConfigError, match=message):
-        load_task("mine.yaml")
+        load_task(write("mine.yaml", "ShovelMove", **{section: read_bundled("tasks", "ShovelMove")[section] | keys}))
 
 
 def test_without_a_pile_the_blade_is_full() -> None:
     """As its interior is a place that grains are carried in."""
-    task = yaml.safe_load(config_path("tasks", "ShovelMove", "task").read_text())
-    Path("mine.yaml").write_text(yaml.safe_dump({**task, "pile": None}))
-    assert load_task("mine.yaml").carried
+    assert load_task(write("mine.yaml", "ShovelMove", pile=None)).carried
 
 
 @pytest.mark.slow

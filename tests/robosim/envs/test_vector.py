@@ -4,18 +4,16 @@ import json
 import os
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from grain_envs import make_vector, same
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
-import robosim  # noqa: F401  (registers the environments)
 from robosim.base.errors import ConfigError, RobosimError, UnknownName
 from robosim.envs.vector import GrainVectorEnv
 
@@ -23,7 +21,7 @@ from robosim.envs.vector import GrainVectorEnv
 @pytest.fixture(scope="module")
 def carried() -> Iterator[gymnasium.vector.VectorEnv]:
     """Three environments of the smallest sub-task, in this process; seven long actions make an episode."""
-    vector = gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=3, workers=1, action_repeat=150)
+    vector = make_vector("SpoonTranslate", action_repeat=150)
     yield vector
     vector.close()
 
@@ -32,17 +30,6 @@ def actions(vector: gymnasium.vector.VectorEnv, seed: int) -> Iterator[np.ndarra
     rng = np.random.default_rng(seed)
     while True:
         yield rng.uniform(-0.3, 0.3, vector.action_space.shape).astype(np.float32)  # pyright: ignore[reportArgumentType]
-
-
-def equal(one: Any, other: Any) -> bool:
-    """Whether two infos hold the same numbers."""
-    if isinstance(one, tuple):
-        return all(map(equal, one, other))
-    if isinstance(one, dict):
-        return one.keys() == other.keys() and all(equal(one[key], other[key]) for key in one)
-    if isinstance(one, np.ndarray) and one.dtype.hasobject:  # arrays of those that ended, None of the others
-        return len(one) == len(other) and all(map(equal, one, other))
-    return np.array_equal(one, other)
 
 
 def of(infos: dict[str, Any], e: int) -> dict[str, Any]:
@@ -55,12 +42,11 @@ def test_each_environment_behaves_as_it_does_alone(carried: gymnasium.vector.Vec
     compared(carried, "SpoonTranslate")
 
 
-IEEE = """import json, sys, gymnasium, mpm
+IEEE = """import json, sys, mpm
 mpm.init(fast_math=False)
-import test_vector
+import grain_envs, test_vector
 name, options = sys.argv[1], json.loads(sys.argv[2])
-vector = gymnasium.make_vec(f"robosim/{name}-v0", num_envs=3, workers=1, action_repeat=150, **options)
-test_vector.compared(vector, name, **options)
+test_vector.compared(grain_envs.make_vector(name, action_repeat=150, **options), name, **options)
 """
 
 
@@ -72,7 +58,8 @@ test_vector.compared(vector, name, **options)
 def test_each_environment_has_the_same_bits_as_alone(name: str, options: dict[str, Any]) -> None:
     """The kernels of a batch and of a solver are compiled apart. Where sums may be reordered, a branch that few grains
     take (a scooping one does) may round otherwise in one than in the other."""
-    subprocess.run([sys.executable, "-c", IEEE, name, json.dumps(options)], cwd=Path(__file__).parent, check=True)
+    subprocess.run([sys.executable, "-c", IEEE, name, json.dumps(options)], check=True,
+                   env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
 
 
 def compared(vector: gymnasium.vector.VectorEnv, name: str, **options: Any) -> None:
@@ -89,15 +76,15 @@ def compared(vector: gymnasium.vector.VectorEnv, name: str, **options: Any) -> N
         for k, (seen, rewards, ended, cut, infos) in enumerate(together):
             row: Any = {key: value[e] for key, value in seen.items()} if isinstance(seen, dict) else seen[e]
             if k == 0:
-                assert equal(row, observation) and equal(of(infos, e), info)
+                assert same(row, observation) and same(of(infos, e), info)
                 continue
             observation, reward, one_ended, one_cut, info = alone.step(steps[k - 1][e])
             assert (reward, one_ended, one_cut) == (rewards[e], ended[e], cut[e])
             mine = of(infos, e)
             if one_ended:
-                assert equal(mine.pop("final_obs"), observation) and equal(mine.pop("final_info"), info)
+                assert same(mine.pop("final_obs"), observation) and same(mine.pop("final_info"), info)
                 observation, info = alone.reset()
-            assert equal(row, observation) and equal(mine, info)
+            assert same(row, observation) and same(mine, info)
     if name != "DoseSpoon":  # whose early ends test_dosing has
         assert sum(row[2].sum() for row in together) >= 3
 
@@ -121,16 +108,6 @@ def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> No
     for e in (0, 2):
         assert np.array_equal(seen[e], expected[1][0][e]) and rewards[e] == expected[1][1][e]
     assert np.isfinite(carried.step(first)[0]).all()
-
-
-def test_a_mask_restarts_some_environments(carried: gymnasium.vector.VectorEnv) -> None:
-    carried.reset(seed=3)
-    given = actions(carried, 2)
-    before = carried.step(next(given))[0]
-    mask = np.array([False, True, False])
-    after, infos = carried.reset(seed=9, options={"reset_mask": mask})
-    assert [np.array_equal(a, b) for a, b in zip(before, after)] == (~mask).tolist()
-    assert infos["_time"].tolist() == mask.tolist()
 
 
 class Driver:
@@ -175,17 +152,11 @@ class Driver:
         self.over = (ended | cut) & (self.mode is not AutoresetMode.SAME_STEP)
 
 
-def make_carried(mode: AutoresetMode) -> gymnasium.vector.VectorEnv:
-    """One like `carried` with another mode."""
-    return gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=3, workers=1, action_repeat=150,
-                              autoreset_mode=mode.value)
-
-
 def each_mode(carried: gymnasium.vector.VectorEnv) -> Iterator[tuple[AutoresetMode, gymnasium.vector.VectorEnv]]:
     """A vector environment for each mode, one after the other: the first is that of SAME_STEP."""
     yield AutoresetMode.SAME_STEP, carried
     for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
-        vector = make_carried(mode)
+        vector = make_vector("SpoonTranslate", action_repeat=150, autoreset_mode=mode.value)
         yield mode, vector
         vector.close()
 
@@ -212,12 +183,13 @@ def test_all_modes_give_the_same_episodes(carried: gymnasium.vector.VectorEnv) -
         n = min(map(len, rows))
         assert n >= 13 and sum(len(row) == 2 for row in rows[0][:n]) >= 2
         for other in rows[1:]:
-            assert all(equal(a, b) for a, b in zip(rows[0][:n], other[:n], strict=True))
+            assert all(same(a, b) for a, b in zip(rows[0][:n], other[:n], strict=True))
 
 
 def test_an_environment_that_ended_waits_for_its_reset() -> None:
     """Nobody moves for a step that is refused."""
-    vector, still = make_carried(AutoresetMode.DISABLED), np.zeros((3, 3), np.float32)
+    vector = make_vector("SpoonTranslate", action_repeat=150, autoreset_mode="Disabled")
+    still = np.zeros((3, 3), np.float32)
     vector.reset(seed=0)
     for _ in range(7):
         seen, _, ended, _, _ = vector.step(still)
@@ -247,7 +219,7 @@ def test_wrappers_of_gymnasium_work(carried: gymnasium.vector.VectorEnv) -> None
             total += [next(row[1] for row in reversed(rows) if len(row) == 5) for rows in driver.events]
         assert recorded.episode_count == 3 and list(recorded.length_queue) == [7, 7, 7], mode
         assert np.array(recorded.return_queue) == pytest.approx(total)
-    inner = make_carried(AutoresetMode.NEXT_STEP)
+    inner = make_vector("SpoonTranslate", action_repeat=150, autoreset_mode="NextStep")
     observed = wrappers.NormalizeObservation(inner)
     normalised = wrappers.NormalizeReward(observed)
     normalised.reset(seed=5)
@@ -263,7 +235,7 @@ def test_wrappers_of_gymnasium_work(carried: gymnasium.vector.VectorEnv) -> None
 
 def test_the_specification_has_the_length_of_an_episode(carried: gymnasium.vector.VectorEnv) -> None:
     assert carried.spec is not None and carried.spec.max_episode_steps == 7
-    carried.reset(seed=0)
+    assert carried.observation_space.contains(carried.reset(seed=0)[0])
     ends = [carried.step(np.zeros((3, 3), np.float32))[2].tolist() for _ in range(7)]
     assert ends == [[False] * 3] * 6 + [[True] * 3]
 
@@ -300,10 +272,10 @@ def test_two_processes_give_the_same_and_report_a_dead_one() -> None:
         for _ in range(8):
             action = next(given)
             for a, b in zip(one.step(action), two.step(action)):
-                assert equal(a, b)
+                assert same(a, b)
         with pytest.raises(ConfigError, match="environment 2"):
             two.step(np.array([[0, 0, 0], [0, 0, 0], [9, 0, 0]], np.float32))
-        assert equal(one.step(action), two.step(action))
+        assert same(one.step(action), two.step(action))
         os.kill(two.batches[1].process.pid, 9)
         with pytest.raises(RobosimError, match="environments 2 to 2 ended with exit code -9"):
             two.step(action)
@@ -312,25 +284,3 @@ def test_two_processes_give_the_same_and_report_a_dead_one() -> None:
         two.close()
     with pytest.raises(UnknownName, match="valid"):
         GrainVectorEnv("SpoonTranslate", 2, workers=2, material="rice")
-
-
-@pytest.mark.slow
-def test_each_arm_has_a_process_of_its_own() -> None:
-    vector = gymnasium.make_vec("robosim/ShovelMove-v0", num_envs=2, arm=True, action_repeat=250)
-    try:
-        first, _ = vector.reset(seed=[0, 1])
-        assert first.shape[0] == 2 and not np.array_equal(*first)
-        for step in range(4):
-            seen, _, over, _, infos = vector.step(np.zeros(vector.action_space.shape, np.float32))  # pyright: ignore[reportArgumentType]
-            assert over.all() == (step == 3)
-        assert seen[0, -1] == 0.0 and infos["final_obs"][0][-1] == 1.0
-    finally:
-        vector.close()
-
-
-def test_spaces_give_no_warning(carried: gymnasium.vector.VectorEnv) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        seen, _ = carried.reset(seed=0)
-    assert carried.observation_space.contains(seen)
-    assert carried.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP

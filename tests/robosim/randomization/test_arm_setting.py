@@ -1,10 +1,8 @@
 """Errors of a robot that episodes draw: in the simulated arm, not in what its controller knows."""
 
-import gymnasium
 import numpy as np
 import pytest
-
-import robosim  # noqa: F401  (registers the environments)
+from grain_envs import make
 
 RANGES = {"place_x": (0.02, 0.03), "place_yaw_deg": (10.0, 20.0), "mount_x": (0.003, 0.003), "mount_z_deg": (2.0, 2.0),
           "payload": (1.2, 1.2), "stiffness": (0.8, 0.8), "damping": (1.1, 1.1)}
@@ -13,8 +11,7 @@ RANGES = {"place_x": (0.02, 0.03), "place_yaw_deg": (10.0, 20.0), "mount_x": (0.
 @pytest.fixture(scope="module")
 def env():
     """A scoop in an arm's hand over a container that stands elsewhere."""
-    made = gymnasium.make("robosim/ScoopScoop-v0", arm=True, obs=["tool", "wrist", "joints"], randomize=RANGES,
-                          disable_env_checker=True).unwrapped
+    made = make("ScoopScoop", arm=True, obs=["tool", "wrist", "joints"], randomize=RANGES)
     yield made
     made.close()
 
@@ -58,14 +55,10 @@ def test_payload_and_gains_change_forces_and_return(env):
     assert np.linalg.norm(heavy[:3]) / np.linalg.norm(light[:3]) == pytest.approx(1.2, abs=0.02)
     assert sag > 1.5 * env.carrier.arm_readings["tool_lag_max_m"]
 
-    plain = gymnasium.make("robosim/ScoopScoop-v0", arm=True, obs=["tool", "wrist", "joints"],
-                           randomize={"place_x": (0.0, 0.0)}, disable_env_checker=True).unwrapped
+    plain = make("ScoopScoop", arm=True, obs=["tool", "wrist", "joints"], randomize={"place_x": (0.0, 0.0)})
     plain.reset(seed=1, options={"nominal": True})
+    env.reset(options={"draw": draw | {"numbers": none}})
+    free = still(env)
     for key, value in still(plain).items():
-        np.testing.assert_allclose(value, still_of(env, draw | {"numbers": none})[key], rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(value, free[key], rtol=1e-5, atol=1e-6)
     plain.close()
-
-
-def still_of(env, draw: dict) -> dict:
-    env.reset(options={"draw": draw})
-    return still(env)

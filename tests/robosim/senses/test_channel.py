@@ -1,8 +1,8 @@
 """Timing of sensors: latency, rate, dropout and noise against what they are by definition; delayed actions."""
 
-import gymnasium
 import numpy as np
 import pytest
+from grain_envs import make, same
 
 import mpm
 from robosim.base.errors import ConfigError
@@ -15,8 +15,6 @@ POSE = mpm.Pose(np.zeros(3), np.array([1.0, 0, 0, 0]))
 
 
 class Clock(Term):
-    """Shows the time."""
-
     name, unit = "clock", "s"
     space = box([0.0], [100.0])
 
@@ -75,23 +73,18 @@ def test_delay_that_is_no_multiple_of_the_step_is_refused(delay: float):
 
 
 def test_delayed_actions_move_the_tool_later_by_their_delay():
-    at_once, later = (gymnasium.make("robosim/SpoonPour-v0", obs=["tool"], action_delay=delay).unwrapped
-                      for delay in (0.0, 0.06))
-    rng = np.random.default_rng(0)
-    paths = [[env.reset(seed=0)[0]["tool"]] for env in (at_once, later)]
-    for _ in range(10):
-        action = (0.3 * rng.uniform(-1, 1, 6)).astype(np.float32)
-        for env, path in zip((at_once, later), paths):
-            path.append(env.step(action)[0]["tool"])
-    np.testing.assert_allclose(paths[1][3:], paths[0][:8], atol=1e-6)
-    for env in (at_once, later):
+    actions, paths = (0.3 * np.random.default_rng(0).uniform(-1, 1, (10, 6))).astype(np.float32), []
+    for delay in (0.0, 0.06):
+        env = make("SpoonPour", obs=["tool"], action_delay=delay)
+        paths.append([env.reset(seed=0)[0]["tool"], *(env.step(action)[0]["tool"] for action in actions)])
         env.close()
+    np.testing.assert_allclose(paths[1][3:], paths[0][:8], atol=1e-6)
 
 
 def test_state_continues_bit_for_bit_with_sensors_and_delays():
     options = {"obs": ["tool", "scale", {"name": "wrist", "rate": 30.0}], "latency": 0.04, "noise": 0.01,
                "dropout": 0.2, "action_delay": 0.03}
-    env = gymnasium.make("robosim/SpoonPour-v0", **options).unwrapped
+    env = make("SpoonPour", **options)
     env.reset(seed=1)
     actions = (0.3 * np.random.default_rng(1).uniform(-1, 1, (8, 6))).astype(np.float32)
     for action in actions[:4]:
@@ -99,7 +92,5 @@ def test_state_continues_bit_for_bit_with_sensors_and_delays():
     state = env.state()
     first = [env.step(action)[0] for action in actions[4:]]
     env.load(state)
-    for one, other in zip(first, [env.step(action)[0] for action in actions[4:]]):
-        for key in one:
-            np.testing.assert_array_equal(one[key], other[key])
+    assert same([env.step(action)[0] for action in actions[4:]], first)
     env.close()

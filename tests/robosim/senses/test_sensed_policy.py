@@ -14,8 +14,6 @@ import robosim  # noqa: F401  (registers the environments)
 
 
 class NoMotion:
-    """A policy that leaves the tool where it is."""
-
     def __init__(self, dimensions: int) -> None:
         self._action = np.zeros((1, dimensions), np.float32)
 
