@@ -33,14 +33,13 @@ import sys
 from pathlib import Path
 
 from compare import compare
-from groups import list_cases, run_group
+from groups import list_cases, run_cases
 from record import make_record
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def main() -> int:
-    """Read the command line, and do what it asks for."""
     parser = argparse.ArgumentParser("python tests/states", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("out", type=Path, nargs="?", help="file of the record")
     parser.add_argument("--tree", type=Path, default=ROOT, help="checkout whose code is run")
@@ -49,10 +48,10 @@ def main() -> int:
     parser.add_argument("--again", action="store_true", help="run cases that the file has already")
     parser.add_argument("--list", action="store_true", help="print the names of all cases")
     parser.add_argument("--compare", type=Path, nargs=2, metavar=("A", "B"), help="print what differs in two records")
-    parser.add_argument("--group", nargs="+", help=argparse.SUPPRESS)  # how the script starts its own processes
+    parser.add_argument("--run", nargs="+", help=argparse.SUPPRESS)  # how the script starts its own processes
     given = parser.parse_args()
-    if given.group:
-        return run_group(*given.group)
+    if given.run:
+        return run_cases(given.out, given.run)
     if given.compare:
         return compare(*given.compare, given.only or ["*"])
     if given.list:

@@ -21,11 +21,10 @@ def compare(a: Path, b: Path, patterns: list[str]) -> int:
         cases = [record["cases"].get(name) for record in (one, other)]
         if None in cases:
             lacking.append(f"{name} is in {(b if cases[0] is None else a).name} alone")
-            continue
-        lines = differences(*cases)
-        same += not lines
-        if lines:
+        elif lines := differences(*cases):
             print("\n  ".join([name, *lines[:SHOWN], *([f"and {len(lines) - SHOWN} more"] if lines[SHOWN:] else [])]))
+        else:
+            same += 1
     print("\n".join([*lacking, f"{same} of {len(names)} cases are the same bit for bit, {len(lacking)} are in one "
                                "record alone"]))
     return int(same < len(names))
@@ -33,9 +32,7 @@ def compare(a: Path, b: Path, patterns: list[str]) -> int:
 
 def differences(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
     """Return a line for each difference of two results of a case."""
-    lines = []
-    if a.get("error") != b.get("error"):
-        lines.append(f"error: {a.get('error')} | {b.get('error')}")
+    lines = [f"error: {a.get('error')} | {b.get('error')}"] if a.get("error") != b.get("error") else []
     left, right = a["values"], b["values"]
     for name in [name for name in left if name in right]:
         if left[name]["hashes"] != right[name]["hashes"]:

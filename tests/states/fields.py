@@ -9,7 +9,8 @@ from keep import Keep
 
 import mpm
 
-CELL = 0.01
+CELL, POINT = 0.01, 0.005**3
+"""Size of a cell [m], and volume of a material point [m^3]."""
 SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
 LAWS: dict[str, Any] = {
     "sand": SAND,
@@ -25,21 +26,21 @@ LAWS: dict[str, Any] = {
     "fluid by cells": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=0.1, tension=False,
                                          volume_rate="cell"),
 }
-WALLS = {
-    "slip": mpm.Walls.all("slip"), "stick": mpm.Walls.all("stick"), "roller": mpm.Walls.all("roller"),
-    "mixed": mpm.Walls(lower=("periodic", "stick", "friction"), upper=("periodic", "roller", "slip"), friction=0.4),
-}
+MIXED = mpm.Walls(lower=("periodic", "stick", "friction"), upper=("periodic", "roller", "slip"), friction=0.4)
+
+
+def at(x: float, y: float, z: float) -> mpm.Pose:
+    return mpm.Pose(np.array([x, y, z]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 def block(law: Any, low: tuple[float, ...] = (0.01, 0.02, 0.0), high: tuple[float, ...] = (0.07, 0.07, 0.04),
-          speed: tuple[float, ...] = (0.6, 0.3, -1.0), **options: Any) -> mpm.Body:
+          speed: tuple[float, ...] = (0.6, 0.3, -1.0)) -> mpm.Body:
     """A block of grains at random places that is thrown."""
     positions = mpm.sample_box(low, high, CELL / 2, np.random.default_rng(0))
-    return mpm.Body(law, positions, np.tile(speed, (len(positions), 1)), volume=(CELL / 2) ** 3, **options)
+    return mpm.Body(law, positions, np.tile(speed, (len(positions), 1)), volume=POINT)
 
 
 def box(*bodies: mpm.Body, upper: tuple[float, ...] = (0.1, 0.09, 0.1), **options: Any) -> mpm.Solver:
-    """Bodies in a box."""
     return mpm.Solver(**{"grid": mpm.Grid((0, 0, 0), upper, CELL), "bodies": list(bodies),
                          "walls": mpm.Walls(friction=0.4)} | options)
 
@@ -67,9 +68,9 @@ def mix(keep: Keep, *names: str) -> None:
 def lie(keep: Keep) -> None:
     """A bed that begins under its own stress, is turned, and gets other numbers."""
     positions = mpm.sample_box((0.0, 0.0, 0.0), (0.1, 0.09, 0.04), CELL / 2)
-    stress = mpm.geostatic_stress(positions, (CELL / 2) ** 3, SAND)
+    stress = mpm.geostatic_stress(positions, POINT, SAND)
     keep("stress", stress)
-    with box(mpm.Body(SAND, positions, volume=(CELL / 2) ** 3, stress=stress)) as solver:
+    with box(mpm.Body(SAND, positions, volume=POINT, stress=stress)) as solver:
         solver.advance(0.02)
         keep_solver(keep, solver)
         solver.set_gravity(np.array([5.0, 0.0, -8.0]))
@@ -94,7 +95,7 @@ def fall_asleep(keep: Keep, sleep: bool | float) -> None:
     """A bed comes to rest, and a ball wakes it."""
     ball = mpm.Collider(mpm.Sdf.sphere(0.015), friction=0.3, pose=at(0.05, 0.045, 0.08))
     positions = mpm.sample_box((0.0, 0.0, 0.0), (0.1, 0.09, 0.03), CELL / 2)
-    with box(mpm.Body(SAND, positions, volume=(CELL / 2) ** 3), colliders=[ball], sleep=sleep) as solver:
+    with box(mpm.Body(SAND, positions, volume=POINT), colliders=[ball], sleep=sleep) as solver:
         for _ in range(25):
             solver.advance(0.02)
             keep("awake", solver.awake)
@@ -136,7 +137,7 @@ def batch(keep: Keep) -> None:
         many, start = mpm.Batch(solver, 3, readings=2), solver.state()
         for e in range(3):
             many.set_friction(e, 0, 0.1 * e)
-            many.set_volume(e, 0, (1.0 - 0.1 * e) * (CELL / 2) ** 3)
+            many.set_volume(e, 0, (1.0 - 0.1 * e) * POINT)
             keep("counts", many.load(e, start))
         for k in range(8):
             for e in range(3):
@@ -149,51 +150,29 @@ def batch(keep: Keep) -> None:
             keep_solver(keep, solver)
 
 
-def at(x: float, y: float, z: float) -> mpm.Pose:
-    """A pose at a place, not rotated."""
-    return mpm.Pose(np.array([x, y, z]), np.array([1.0, 0.0, 0.0, 0.0]))
-
-
-MERGED = ("clay", "hencky", "neo-hookean", "corotated", "mu(I)")
-USUAL = ("sand", "cohesive sand", "fluid by cells")
 CASES = [
-    *(case for name in ("sand", "cohesive sand") for case in case_of(BOTH, f"law/{name}", throw, LAWS[name])),
-    *case_of(("f64",), "law/fluid by cells", throw, LAWS["fluid by cells"]),
-    *case_of(("f32",), "law/solids", mix, *MERGED),
-    *case_of(BOTH, "law/mixture", mix, "sand", "clay", "fluid"),
-    *case_of(("f64",), "walls/mixed", throw, SAND, walls=WALLS["mixed"]),
-    *case_of(("f32",), "bed", lie),
-    *case_of(("f64",), "acceleration", push),
-    *case_of(("f32",), "sleep/on", fall_asleep, True),
-    *case_of(("f32",), "state", come_back),
-    *case_of(("f64",), "batch", batch),
-    *case_of(("ieee",), "law/sand", throw, SAND),
-    *case_of(("threads",), "law/sand", throw, SAND),
-]
-MORE = [
-    *case_of(("threads",), "sleep/on", fall_asleep, True),
-    *case_of(("f64",), "state", come_back),
-    *case_of(("f64",), "sleep/on", fall_asleep, True),
-    *case_of(("f32",), "walls/stick", throw, SAND, walls=WALLS["stick"]),
-    *case_of(("f64",), "sleep/off", fall_asleep, False),
-    *case_of(("f64",), "strides/none", throw, SAND, transfer_interval=0.0),
-    *(case for name in LAWS if name not in USUAL for case in case_of(BOTH, f"law/{name}", throw, LAWS[name])),
-    *case_of(("f32",), "law/fluid by cells", throw, LAWS["fluid by cells"]),
+    *case_of("law/sand", throw, SAND, usual="f32 f64 ieee threads"),
+    *case_of("law/sand f32", throw, SAND, precision="f32", more="threads"),
+    *case_of("law/cohesive sand", throw, LAWS["cohesive sand"], usual=BOTH),
+    *case_of("law/fluid by cells", throw, LAWS["fluid by cells"], usual="f64", more="f32"),
+    *case_of("law/clay", throw, LAWS["clay"], more="f32 f64 ieee"),
+    *(case for name in ("mu(I)", "hencky", "neo-hookean", "corotated", "fluid") for case in
+      case_of(f"law/{name}", throw, LAWS[name], more=BOTH)),
+    *case_of("law/solids", mix, "clay", "hencky", "neo-hookean", "corotated", "mu(I)", usual="f32"),
+    *case_of("law/mixture", mix, "sand", "clay", "fluid", usual=BOTH, more="ieee threads"),
+    *case_of("walls/mixed", throw, SAND, walls=MIXED, usual="f64", more="f32"),
     *(case for name in ("slip", "stick", "roller") for case in
-      case_of(("f64",), f"walls/{name}", throw, SAND, walls=WALLS[name])),
-    *(case for name in ("slip", "mixed", "roller") for case in
-      case_of(("f32",), f"walls/{name}", throw, SAND, walls=WALLS[name])),
+      case_of(f"walls/{name}", throw, SAND, walls=mpm.Walls.all(name), more=BOTH)),
     *(case for name in ("series", "exact") for case in
-      case_of(("f32",), f"integrator/{name}", throw, SAND, integrator=name)),
-    *case_of(("f32",), "strides/none", throw, SAND, transfer_interval=0.0),
-    *case_of(("f32",), "precision/f64", throw, SAND, precision="f64"),
-    *case_of(("f64",), "precision/f32", throw, SAND, precision="f32"),
-    *case_of(("f64",), "bed", lie),
-    *case_of(("f32",), "acceleration", push),
-    *case_of(("f64",), "sleep/factor", fall_asleep, 3.0),
-    *case_of(("f32",), "batch", batch),
-    *case_of(("ieee",), "law/clay", throw, LAWS["clay"]),
-    *case_of(("ieee",), "law/mixture", mix, "sand", "clay", "fluid"),
-    *case_of(("threads",), "law/sand f32", throw, SAND, precision="f32"),
-    *case_of(("threads",), "law/mixture", mix, "sand", "clay", "fluid"),
+      case_of(f"integrator/{name}", throw, SAND, integrator=name, more="f32")),
+    *case_of("strides/none", throw, SAND, transfer_interval=0.0, more=BOTH),
+    *case_of("precision/f64", throw, SAND, precision="f64", more="f32"),
+    *case_of("precision/f32", throw, SAND, precision="f32", more="f64"),
+    *case_of("bed", lie, usual="f32", more="f64"),
+    *case_of("acceleration", push, usual="f64", more="f32"),
+    *case_of("sleep/on", fall_asleep, True, usual="f32", more="f64 threads"),
+    *case_of("sleep/off", fall_asleep, False, more="f64"),
+    *case_of("sleep/factor", fall_asleep, 3.0, more="f64"),
+    *case_of("state", come_back, usual="f32", more="f64"),
+    *case_of("batch", batch, usual="f64", more="f32"),
 ]

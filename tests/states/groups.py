@@ -1,4 +1,4 @@
-"""Cases by name, and the processes that run them: those of a group share a backend."""
+"""Cases by name, and the run of those of a group, which share a process and a backend."""
 
 import contextlib
 import fnmatch
@@ -8,7 +8,8 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from keep import Keep
@@ -20,9 +21,7 @@ GROUPS: dict[str, dict[str, Any]] = {
     "threads": {"precision": "f64", "threads": 2},
 }
 """Name of a group -> arguments of `mpm.init`."""
-BOTH = ("f32", "f64")
-MARK = "\x1estate "
-"""Begins a line of the process of a group, which its parent reads; libraries print others."""
+BOTH = "f32 f64"
 
 
 class Case(NamedTuple):
@@ -31,43 +30,51 @@ class Case(NamedTuple):
     name: str
     """Group and name."""
     run: Callable[[Keep], None]
+    is_usual: bool
+    """Whether it is run without --full."""
 
 
-def case_of(groups: tuple[str, ...], name: str, run: Callable[..., None], *args: Any, **options: Any) -> list[Case]:
-    """Return a case for each of some groups; arguments go to `run`, after what keeps its states."""
-    return [Case(f"{group}/{name}", lambda keep: run(keep, *args, **options)) for group in groups]
+def case_of(name: str, run: Callable[..., None], *args: Any, usual: str = "", more: str = "",
+            **options: Any) -> list[Case]:
+    """Return a case in each of the groups that are run usually, and of those that --full adds.
+
+    Arguments go to `run`, after what keeps its states.
+    """
+    return [Case(f"{group}/{name}", lambda keep: run(keep, *args, **options), is_usual)
+            for groups, is_usual in ((usual, True), (more, False)) for group in groups.split()]
 
 
-def all_cases(full: bool = True) -> Iterator[Case]:
-    """Yield the usual cases, or with `full` all, those of a group together."""
+def all_cases() -> list[Case]:
+    """Return all cases, those of a group together."""
     import environments
     import fields
     import plans
-    import rollouts
     import scenes
 
-    modules = (fields, scenes, rollouts, environments, plans)
-    cases = [case for module in modules for case in [*module.CASES, *(module.MORE if full else [])]]
-    for group in GROUPS:
-        yield from (case for case in cases if case.name.startswith(f"{group}/"))
+    cases = [case for module in (fields, scenes, environments, plans) for case in module.CASES]
+    return [case for group in GROUPS for case in cases if case.name.startswith(f"{group}/")]
 
 
 def list_cases(patterns: list[str], full: bool) -> list[str]:
     """Return the names of the usual cases, or with patterns or `full` of all, that one of the patterns fits."""
-    return [case.name for case in all_cases(full or bool(patterns))
-            if any(fnmatch.fnmatchcase(case.name, one) for one in patterns or ["*"])]
+    return [case.name for case in all_cases() if (case.is_usual or full or patterns)
+            and any(fnmatch.fnmatchcase(case.name, one) for one in patterns or ["*"])]
 
 
-def run_group(group: str, *names: str) -> int:
-    """Run cases of a group in this process; each prints a line of JSON when it begins, and another when it ends."""
+def run_cases(out: Path, names: list[str]) -> int:
+    """Run cases of one group in this process; each is added to the record as soon as it ends."""
     import mpm
 
     warnings.simplefilter("ignore")
-    mpm.init(**GROUPS[group])
+    mpm.init(**GROUPS[names[0].partition("/")[0]])
     cases = {case.name: case for case in all_cases()}
     for name in names:
-        _tell({"began": name})
-        _tell({"ended": name} | _run(cases[name]))
+        result = _run(cases[name])
+        record = json.loads(out.read_text())
+        record["cases"][name] = result
+        write(out, record)
+        print(f"{result['seconds']:7.1f} s, {result['cpu_seconds']:.1f} s of processor: {name} "
+              f"{result.get('error', '')}", flush=True)
         gc.collect()  # fields of solvers that a case left open
     return 0
 
@@ -85,5 +92,8 @@ def _run(case: Case) -> dict[str, Any]:
             "cpu_seconds": round(time.process_time() - busy, 2)}
 
 
-def _tell(message: dict[str, Any]) -> None:
-    print(MARK + json.dumps(message), flush=True)
+def write(out: Path, record: dict[str, Any]) -> None:
+    """Write the record in one go, so that an interruption leaves a complete one."""
+    part = out.with_suffix(".part")
+    part.write_text(json.dumps(record, indent=0))
+    part.replace(out)

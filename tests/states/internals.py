@@ -5,6 +5,7 @@ so that both versions of the code are served.
 """
 
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,6 @@ def keep_solver(keep: Keep, solver: mpm.Solver, name: str = "grains") -> None:
 
 
 def solver_of(env: Any) -> mpm.Solver:
-    """Return the solver of an environment."""
     return env.unwrapped.solver
 
 
@@ -43,23 +43,19 @@ def tool_wall() -> str:
     return "tool_wall" if "tool_wall" in fields else "collision_thickness"
 
 
-def scripted_action(env: Any) -> Any:
-    """Return a function that gives the next action of a task's scripted motion."""
-    return evaluation_policies().make_policy("scripted", env.unwrapped, 0)
-
-
-def dosing_action(env: Any, controller: str) -> Any:
-    """Return a function that gives the next action of a bundled controller of doses."""
-    return evaluation_policies().make_policy(controller, env.unwrapped, 0)
+def policy_action(env: Any, policy: str) -> Any:
+    """Return a function that gives the next action of a task's scripted motion, or of a controller of doses."""
+    act = evaluation_policies().make_policy(policy, env.unwrapped, 0)
+    takes_observation = len(signature(act).parameters)  # up to 732b661 it asked the environment
+    return lambda: act(*[env.unwrapped.observation][:takes_observation])
 
 
 def dosing_terms() -> list[str]:
-    """Return the terms of the observation that controllers of doses read."""
     return evaluation_policies().training_options("pi")["obs"]
 
 
 def vector_solvers(env: Any) -> list[mpm.Solver]:
-    """Return the solvers of a vector environment that are in this process."""
+    """Return the solvers that are in this process."""
     return [batch.world.solver for batch in env.unwrapped.batches if hasattr(batch, "world")]
 
 
@@ -91,11 +87,11 @@ def keep_plan(keep: Keep, plan: Any) -> None:
         keep("plan/approach", [motion.state(time).q for time in np.linspace(0.0, motion.duration, 31)])
 
 
-def run_begin(keep: Keep, plan: Any, steps: int, seed: int = 0) -> None:
+def run_begin(keep: Keep, plan: Any, steps: int) -> None:
     """Simulate the first steps of a planned rehearsal, and keep grains, robot and readings."""
     from robosim.rehearsal.run import RehearsalRun
 
-    run = RehearsalRun(plan, seed=seed)
+    run = RehearsalRun(plan, seed=0)
     keep("start", run.solver.state())
     for index in range(steps):
         run.step(index)

@@ -26,7 +26,8 @@ class Keep:
             return
         array = as_array(value)
         kept = self.values.setdefault(name, {"hashes": [], "sum": 0.0, "most": 0.0})
-        kept["hashes"].append(hash_of(array))
+        head = f"{array.dtype.str} {array.shape} ".encode()
+        kept["hashes"].append(hashlib.sha256(head + array.tobytes()).hexdigest()[:HASH])
         if array.size and array.dtype.kind in "biuf":
             numbers = array.astype(float)
             with np.errstate(all="ignore"):
@@ -61,9 +62,3 @@ def as_array(value: Any) -> np.ndarray:
     if array.dtype.kind not in "biufU":
         raise TypeError(f"{type(value).__name__} is no state")
     return array
-
-
-def hash_of(array: np.ndarray) -> str:
-    """Return a short hash of type, shape and bytes of an array."""
-    head = f"{array.dtype.str} {array.shape} ".encode()
-    return hashlib.sha256(head + array.tobytes()).hexdigest()[:HASH]

@@ -1,8 +1,9 @@
-"""The record: starts the processes of the groups, and writes what they say after each case."""
+"""The record: what its bits depend on, and the processes of the groups, which add their cases to it."""
 
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 import tempfile
@@ -11,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from groups import GROUPS, MARK
+from groups import GROUPS, write
 
 LIBRARIES = ("taichi", "mujoco", "pin", "ruckig", "numpy", "scipy", "trimesh", "gymnasium")
 SCRIPT = (sys.executable, str(Path(__file__).resolve().parent))
@@ -33,37 +34,21 @@ def make_record(out: Path, tree: Path, choice: list[str], again: bool) -> int:
         return 2
     chosen = subprocess.run([*SCRIPT, "--list", *choice], cwd=tree, env=environment, stdout=subprocess.PIPE, text=True,
                             check=True).stdout.splitlines()
-    begin, failed = time.perf_counter(), 0
+    record["cases"] = {name: case for name, case in record["cases"].items() if not again or name not in chosen}
+    write(out, record)
+    begin, asked = time.perf_counter(), [name for name in chosen if name not in record["cases"]]
     with tempfile.TemporaryDirectory() as caches:
         environment |= {"ROBOSIM_CACHE": f"{caches}/starts", "MPM_CACHE": f"{caches}/distances", "TMPDIR": caches}
         for group in GROUPS:
-            names = [name for name in chosen if name.startswith(f"{group}/") and (again or name not in record["cases"])]
-            while names:  # a process that ends early has its case recorded, and another goes on
-                for name, result in run_process(group, names, environment, tree):
-                    record["cases"][name] = result
+            while names := [name for name in asked if name.startswith(f"{group}/") and name not in record["cases"]]:
+                done = subprocess.run([*SCRIPT, str(out), "--run", *names], cwd=tree, env=environment)
+                record = json.loads(out.read_text())
+                if lost := [name for name in names if name not in record["cases"]]:  # another process takes the rest
+                    record["cases"][lost[0]] = {"values": {}, "error": f"the process ended with {done.returncode}"}
                     write(out, record)
-                    names.remove(name)
-                    failed += "error" in result
-                    print(f"{result['seconds']:7.1f} s, {result.get('cpu_seconds', 0.0):.1f} s of processor: {name} "
-                          f"{result.get('error', '')}", flush=True)
+    failed = sum("error" in record["cases"][name] for name in asked)
     print(f"{len(record['cases'])} cases in {out.name}, {failed} failed; {time.perf_counter() - begin:.0f} s")
     return int(failed > 0)
-
-
-def run_process(group: str, names: list[str], environment: dict[str, str], tree: Path) -> Any:
-    """Run cases in a process of their own; yield names and results until it ends, however it does."""
-    command = [*SCRIPT, "--group", group, *names]
-    running = None
-    with subprocess.Popen(command, cwd=tree, env=environment, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        for line in process.stdout:
-            if line.startswith(MARK):
-                message = json.loads(line.removeprefix(MARK))
-                running = message.get("began")
-                if "ended" in message:
-                    yield message.pop("ended"), message
-    if running or process.returncode:
-        yield running or names[0], {"values": {}, "error": f"the process ended with {process.returncode}", "seconds": 0}
 
 
 def describe(tree: Path, environment: dict[str, str]) -> dict[str, Any]:
@@ -77,22 +62,7 @@ def describe(tree: Path, environment: dict[str, str]) -> dict[str, Any]:
     commit, changes = (subprocess.run(["git", "-C", str(tree), *rest], capture_output=True, text=True).stdout.strip()
                        for rest in (("rev-parse", "--short", "HEAD"),
                                     ("status", "--porcelain", "--", "mpm", "robosim", "policies", "configs", "models")))
+    cpu = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())  # its instructions are compiled for
     return {"code": commit + (" with changes" if changes else ""),
             "versions": {name: version(name) for name in LIBRARIES} | {"python": platform.python_version()},
-            "machine": processor()}
-
-
-def processor() -> str:
-    """Return the name of the processor, whose instructions compiled kernels use."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
-
-
-def write(out: Path, record: dict[str, Any]) -> None:
-    """Write the record in one go, so that an interruption leaves a complete one."""
-    part = out.with_suffix(".part")
-    part.write_text(json.dumps(record, indent=0))
-    part.replace(out)
+            "machine": cpu[1] if cpu else ""}

@@ -1,13 +1,14 @@
-"""Cases of colliders, and of MuJoCo scenes coupled to grains."""
+"""Cases of colliders, of MuJoCo scenes coupled to grains, and of differentiable rollouts."""
 
 from typing import Any
 
+import gymnasium
 import mujoco
 import numpy as np
 import trimesh
-from fields import CELL, LAWS, SAND, at, block, box
+from fields import CELL, LAWS, POINT, SAND, at, block, box
 from groups import BOTH, case_of
-from internals import keep_solver
+from internals import goal_loss, keep_gradients, keep_solver, solver_of
 from keep import Keep
 
 import mpm
@@ -46,7 +47,6 @@ def can() -> mpm.Shell:
 
 
 def shape_of(name: str) -> Any:
-    """Shape of a collider by name."""
     wedge = trimesh.creation.box((0.03, 0.04, 0.02))
     wedge.vertices[wedge.vertices[:, 2] > 0] *= [0.4, 1.0, 1.0]
     return {"sphere": lambda: mpm.Sdf.sphere(0.018), "box": lambda: mpm.Sdf.box((0.015, 0.02, 0.01)),
@@ -82,7 +82,7 @@ def leak(keep: Keep, **options: Any) -> None:
     holes = mpm.Orifice(np.array([[-0.008, 0.0, 0.0], [0.008, 0.002, 0.0]]), np.array([0.0, 0.0, -1.0]), diameter=8e-3,
                         grain_diameter=1.4e-3, blocked_ratio=2.0)
     shell = mpm.Collider(can(), friction=0.3, pose=at(*start), orifices=[holes])
-    with box(mpm.Body(SAND, start + grains, volume=(CELL / 2) ** 3), colliders=[shell], upper=(0.1, 0.09, 0.12),
+    with box(mpm.Body(SAND, start + grains, volume=POINT), colliders=[shell], upper=(0.1, 0.09, 0.12),
              **options) as solver:
         for k in range(60):
             ends = [start + [0.0, 0.0, 1e-3 * np.sin(0.4 * step)] for step in (k, k + 1)]
@@ -97,7 +97,7 @@ def float_free(keep: Keep, shape: str, **options: Any) -> None:
     start = np.array([0.05, 0.045, 0.045])
     collider = mpm.Collider(shape_of(shape), friction=0.3, pose=at(*start), mobile=True)
     low = mpm.sample_box((0.0, 0.0, 0.0), (0.1, 0.09, 0.02), CELL / 2)
-    bodies = [mpm.Body(SAND, low, volume=(CELL / 2) ** 3), block(SAND, (0.03, 0.03, 0.07), (0.07, 0.06, 0.09))]
+    bodies = [mpm.Body(SAND, low, volume=POINT), block(SAND, (0.03, 0.03, 0.07), (0.07, 0.06, 0.09))]
     with box(*bodies, colliders=[collider], **options) as solver:
         twist = np.array([0.1, 0.0, -0.4, 0.0, 0.0, 2.0])
         for _ in range(25):
@@ -117,7 +117,7 @@ def couple(keep: Keep, steps: int = 60, **choices: Any) -> None:
     data.qpos[7] = 0.7
     own = {name: choices.pop(name) for name in ("contact", "sleep", "transfer_interval") if name in choices}
     positions = mpm.sample_box((0.0, 0.0, 0.0), (0.12, 0.08, 0.04), CELL / 2, np.random.default_rng(0))
-    body = mpm.Body(SAND, positions, volume=(CELL / 2) ** 3)
+    body = mpm.Body(SAND, positions, volume=POINT)
     with box(body, upper=(0.12, 0.08, 0.12), **own) as solver:
         plugin = robosim.GranularPlugin(model, data, solver, bodies={"light": None, "bob": None, "blade": None},
                                         **choices)
@@ -133,47 +133,73 @@ def couple(keep: Keep, steps: int = 60, **choices: Any) -> None:
         keep_solver(keep, solver)
 
 
+def roll(keep: Keep, shape: str, *laws: Any, **options: Any) -> None:
+    """A tool passes through blocks on the floor; the loss is their distance from a place."""
+    bodies = [block(law, (0.03, 0.02 + 0.03 * k, 0.0), (0.06, 0.05 + 0.03 * k, 0.03), (0.0, 0.0, 0.0))
+              for k, law in enumerate(laws)]
+    tool = mpm.Collider(shape_of(shape), friction=0.3, pose=at(0.0251, 0.0403, 0.0357))
+    post = mpm.Collider(mpm.Sdf.sphere(0.012), friction=0.2, static=True, pose=at(0.08, 0.04, 0.0))
+    rest = {name: options.pop(name) for name in ("contact", "transfer_interval") if name in options}
+    with box(*bodies, colliders=[tool, post], **rest) as solver:
+        solver.advance(0.01)
+        path = mpm.Rollout(solver, 12, step_dt=5 * solver.dt, **options)
+        linear, angular = np.tile([0.25, 0.02, -0.02], (12, 1)), np.tile([0.3, 0.8, 0.5], (12, 1))
+        loss = goal_loss((0.09, 0.05, 0.02))
+        value, gradient = path.value_and_grad(linear, angular, loss)
+        keep("value", value)
+        keep("gradient", gradient)
+        keep_gradients(keep, path)
+        keep_solver(keep, solver)
+        path.restart()
+        keep("value", path.value(linear, angular, loss))
+        path.close()
+
+
+def learn(keep: Keep, task: str, steps: int = 10) -> None:
+    """The gradient of a task's objective over the first steps of an episode, with the tool at rest and moving."""
+    env = gymnasium.make(f"robosim/{task}-v0")
+    env.reset(seed=0)
+    path, loss = env.unwrapped.rollout(steps, materials=True), env.unwrapped.objective()
+    for speed in (0.0, 0.05):
+        value, gradient = path.value_and_grad(np.full((steps, 3), speed), np.full((steps, 3), 10 * speed), loss)
+        keep("value", value)
+        keep("gradient", gradient)
+        keep_gradients(keep, path)
+    keep_solver(keep, solver_of(env))
+    path.close()
+    env.close()
+
+
 CASES = [
-    *case_of(("f32",), "collider/sphere", meet, "sphere"),
-    *case_of(("f64",), "collider/static box", meet, "box", static=True, moves=False),
-    *case_of(("f64",), "collider/mesh", meet, "mesh"),
-    *case_of(("f64",), "collider/touching", meet, "mesh", contact="touching"),
-    *case_of(("f32",), "shell/moving", meet, "bowl"),
-    *case_of(("f32",), "holes", leak),
-    *case_of(("f64",), "mobile/bowl", float_free, "bowl", transfer_interval="strides"),
-    *case_of(BOTH, "plugin/mobility", couple),
-    *case_of(("f64",), "plugin/lagged", couple, coupling="lagged"),
-    *case_of(("f64",), "plugin/one way", couple, coupling="one_way"),
-    *case_of(("f32",), "plugin/touching", couple, contact="touching"),
-    *case_of(("threads",), "mobile/bowl", float_free, "bowl"),
-]
-MORE = [
-    *case_of(("f32",), "collider/mesh", meet, "mesh"),
-    *case_of(("f64",), "plugin/strict", couple, tolerance=1e-4, sleep=True),
-    *case_of(("f64",), "mobile/sphere", float_free, "sphere"),
-    *case_of(("f64",), "holes", leak),
-    *case_of(("f64",), "shell/moving", meet, "bowl"),
-    *case_of(("f64",), "collider/sphere", meet, "sphere"),
-    *case_of(("f32",), "collider/static box", meet, "box", static=True, moves=False),
-    *case_of(("f32",), "collider/touching", meet, "mesh", contact="touching"),
-    *case_of(BOTH, "collider/static mesh", meet, "mesh", static=True, moves=False),
-    *case_of(BOTH, "collider/fluid", meet, "mesh", LAWS["fluid"]),
-    *case_of(BOTH, "shell/fluid", meet, "bowl", LAWS["fluid by cells"]),
-    *case_of(BOTH, "shell/elastic", meet, "bowl", LAWS["hencky"], transfer_interval=0.0),
-    *case_of(("f32",), "mobile/sphere", float_free, "sphere"),
-    *case_of(("f32",), "mobile/bowl", float_free, "bowl", transfer_interval="strides"),
-    *case_of(("f32",), "plugin/lagged", couple, coupling="lagged"),
-    *case_of(("f32",), "plugin/one way", couple, coupling="one_way"),
-    *case_of(("f64",), "plugin/touching", couple, contact="touching"),
-    *case_of(("f64",), "plugin/lagged touching", couple, coupling="lagged", contact="touching"),
-    *case_of(("f64",), "plugin/one way touching", couple, coupling="one_way", contact="touching"),
-    *case_of(("f32",), "plugin/strict", couple, tolerance=1e-4, sleep=True),
-    *case_of(BOTH, "plugin/strides", couple, transfer_interval="strides"),
-    *case_of(("ieee",), "collider/mesh", meet, "mesh"),
-    *case_of(("ieee",), "shell/moving", meet, "bowl"),
-    *case_of(("ieee",), "holes", leak),
-    *case_of(("ieee",), "plugin/mobility", couple),
-    *case_of(("threads",), "collider/mesh", meet, "mesh"),
-    *case_of(("threads",), "shell/moving", meet, "bowl"),
-    *case_of(("threads",), "plugin/mobility", couple),
+    *case_of("collider/sphere", meet, "sphere", usual="f32", more="f64"),
+    *case_of("collider/static box", meet, "box", static=True, moves=False, usual="f64", more="f32"),
+    *case_of("collider/mesh", meet, "mesh", usual="f64", more="f32 ieee threads"),
+    *case_of("collider/touching", meet, "mesh", contact="touching", usual="f64", more="f32"),
+    *case_of("collider/static mesh", meet, "mesh", static=True, moves=False, more=BOTH),
+    *case_of("collider/fluid", meet, "mesh", LAWS["fluid"], more=BOTH),
+    *case_of("shell/moving", meet, "bowl", usual="f32", more="f64 ieee threads"),
+    *case_of("shell/fluid", meet, "bowl", LAWS["fluid by cells"], more=BOTH),
+    *case_of("shell/elastic", meet, "bowl", LAWS["hencky"], transfer_interval=0.0, more=BOTH),
+    *case_of("holes", leak, usual="f32", more="f64 ieee"),
+    *case_of("mobile/bowl", float_free, "bowl", transfer_interval="strides", usual="f64", more="f32"),
+    *case_of("mobile/bowl", float_free, "bowl", usual="threads"),
+    *case_of("mobile/sphere", float_free, "sphere", more=BOTH),
+    *case_of("plugin/mobility", couple, usual=BOTH, more="ieee threads"),
+    *case_of("plugin/lagged", couple, coupling="lagged", usual="f64", more="f32"),
+    *case_of("plugin/one way", couple, coupling="one_way", usual="f64", more="f32"),
+    *case_of("plugin/touching", couple, contact="touching", usual="f32", more="f64"),
+    *case_of("plugin/lagged touching", couple, coupling="lagged", contact="touching", more="f64"),
+    *case_of("plugin/one way touching", couple, coupling="one_way", contact="touching", more="f64"),
+    *case_of("plugin/strict", couple, tolerance=1e-4, sleep=True, more=BOTH),
+    *case_of("plugin/strides", couple, transfer_interval="strides", more=BOTH),
+    *case_of("rollout/sand", roll, "mesh", SAND, materials=True, usual="f64", more="ieee"),
+    *case_of("rollout/sand and fluid", roll, "mesh", SAND, LAWS["fluid"], materials=True, more="f64"),
+    *case_of("rollout/bowl", roll, "bowl", SAND, more="f64"),
+    *case_of("rollout/clay", roll, "mesh", LAWS["clay"], contact="touching", more=BOTH),
+    *case_of("rollout/hencky", roll, "mesh", LAWS["hencky"], limit=1e3, window=4, more=BOTH),
+    *case_of("rollout/corotated", roll, "mesh", LAWS["corotated"], svd=False, more="f64"),
+    *case_of("rollout/mu(I)", roll, "mesh", LAWS["mu(I)"], soft=0.1, materials=True, more="f64"),
+    *case_of("rollout/svd", roll, "mesh", SAND, svd=True, budget=2_000_000, more="f64"),
+    *case_of("rollout/fluid by cells", roll, "mesh", LAWS["fluid by cells"], more="f64"),
+    *(case for task in ("SpoonPour", "SpoonScoop") for case in case_of(f"rollout/{task}", learn, task, more="f32")),
 ]
