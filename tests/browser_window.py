@@ -38,27 +38,21 @@ class BrowserWindow:
         self.driver.set_page_load_timeout(120)
 
     def open(self, address: str | Path) -> None:
-        """Open an address or a file."""
         self.driver.get(address.resolve().as_uri() if isinstance(address, Path) else address)
 
     def find(self, xpath: str) -> Any:
-        """Return the first element of a path."""
         return self.driver.find_element("xpath", xpath)
 
     def has(self, xpath: str) -> bool:
-        """Return whether there is an element of a path."""
         return bool(self.driver.find_elements("xpath", xpath))
 
     def input(self, label: str) -> Any:
-        """Return the first field after a label."""
         return self.find(f"//label[normalize-space()='{label}']/following::input[1]")
 
     def checkbox(self, label: str) -> Any:
-        """Return the checkbox of a label."""
         return self.find(f"//label[normalize-space()='{label}']/following::input[@type='checkbox'][1]")
 
     def button(self, label: str) -> Any:
-        """Return the button with a text."""
         return self.find(f"//button[normalize-space()='{label}']")
 
     def click(self, element: Any) -> None:
@@ -99,7 +93,6 @@ class BrowserWindow:
         return errors
 
     def close(self) -> None:
-        """End the browser."""
         self.driver.quit()
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import mpm
@@ -34,13 +34,6 @@ FILLS: tuple[Any, ...] = (0, 1, -1, 10**9, 2**63 - 1, 1e300, np.nan, np.inf, Tru
 PIECES = (b"\x00" * 8, b"\xff" * 8, b"[" * 5000, b"{a: " * 500, b"&a [*a]", b"\n- " * 3000, b"9" * 5000, b"1e999",
           b"\xff\xfe", b"!!python/none ", b'{"a": 1, "a": 1}', b"NaN")
 """What readers of text fail on."""
-
-
-def fuzzing(examples: int) -> settings:
-    """Settings of a fuzz test: the same inputs in every run; more than 100 examples are drawn anew each time."""
-    fixed = examples <= 100
-    return settings(max_examples=examples, derandomize=fixed, deadline=None, database=None, print_blob=not fixed,
-                    suppress_health_check=list(HealthCheck))
 
 
 class TooSlow(BaseException):
@@ -77,6 +70,19 @@ def handle(action: Callable[[], Any]) -> tuple[Any, str]:
     return None, text
 
 
+def fuzz(drawn: st.SearchStrategy[Any], examples: int, action: Callable[[Any], object]) -> None:
+    """Handle what is drawn: the same inputs in every run; more than 100 examples are drawn anew each time."""
+    fixed = examples <= 100
+
+    @settings(max_examples=examples, derandomize=fixed, deadline=None, database=None, print_blob=not fixed,
+              suppress_health_check=list(HealthCheck))
+    @given(drawn)
+    def attempt(one: Any) -> None:
+        handle(lambda: action(one))
+
+    attempt()
+
+
 def places(value: Any, here: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """List the places of all values in tables and lists, those of tables and lists themselves, too."""
     inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
@@ -84,7 +90,6 @@ def places(value: Any, here: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def look_up(value: Any, place: tuple[Any, ...]) -> Any:
-    """The value at a place."""
     for key in place:
         value = value[key]
     return value

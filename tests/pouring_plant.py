@@ -47,12 +47,10 @@ class Plant:
         return float(self.slabs[self.off].sum())
 
     def sight(self, target: float) -> DoseSight:
-        """Return what a controller sees."""
         shown = self.readability * round(self.shown / self.readability)
         return DoseSight(self.time, shown, target, self.tilt, self.lip, self.goal)
 
     def advance(self, command: DoseCommand) -> None:
-        """Advance by dt."""
         self.tilt += command.tilt_rate * self.dt
         self.lip = self.lip + command.velocity * self.dt
         loose = ~self.off & (self.tilts < self.tilt)

@@ -35,7 +35,6 @@ def find_unfinished(path: Path) -> list[str]:
 
 
 def read_npz(path: Path) -> None:
-    """Load all arrays."""
     with np.load(path, allow_pickle=False) as arrays:
         for array in arrays.values():
             assert array is not None
@@ -48,13 +47,11 @@ def read_film(path: Path) -> None:
 
 
 def read_archive(path: Path) -> None:
-    """Test the checksums of an archive."""
     with zipfile.ZipFile(path) as archive:
         assert archive.testzip() is None
 
 
 def read_picture(path: Path) -> None:
-    """Decode a picture."""
     with Image.open(path) as picture:
         picture.load()
 
@@ -78,7 +75,6 @@ def read_lines(path: Path) -> None:
 
 
 def read_page(path: Path) -> None:
-    """Read a page to its end."""
     assert path.read_text().rstrip().endswith("</html>")
 
 

@@ -18,7 +18,6 @@ class StandIn:
         """Arguments of the jobs that were run, in order."""
 
     def run(self, commands: Sequence[Command], folder: Path, resumes: bool = True) -> Iterator[Ended]:
-        """Make the rows of commands."""
         for index, ((_, path), _) in enumerate(commands):
             order = json.loads(Path(path).read_text())
             self.asked.append(order["arguments"])

@@ -68,15 +68,8 @@ def test_every_extra_is_resolved_and_checked() -> None:
 
 
 @pytest.mark.parametrize("python", PYTHONS)
-def test_every_direct_requirement_has_a_version_within_its_bounds(python: str) -> None:
-    faults = [fault for extra, requirements in read_project().items() for text in requirements
-              for fault in find_faults(Requirement(text), python, f"robosim[{extra}]")]
-    assert not faults, "\n".join(faults)
-
-
-@pytest.mark.parametrize("python", PYTHONS)
-def test_whatever_the_requirements_need_in_turn_has_a_version(python: str) -> None:
-    """As far as the version for that Python is installed here: at least most of the extras test and learn.
+def test_the_requirements_and_what_they_need_in_turn_have_a_version_within_their_bounds(python: str) -> None:
+    """In turn: as far as the version for that Python is installed here, most of the extras test and learn at least.
 
     Another version may need something else.
     """

@@ -1,5 +1,6 @@
 """Extreme values in configurations: only the project's own errors, within 2 GB and 10 s for each input."""
 
+import itertools
 import subprocess
 import sys
 import zipfile
@@ -9,8 +10,7 @@ from typing import Any, NamedTuple
 
 import pytest
 import yaml
-from extreme_values import MEMORY, WILD, changed_tables, damaged, fuzzing, handle, look_up, places, replaced
-from hypothesis import given
+from extreme_values import MEMORY, WILD, changed_tables, damaged, fuzz, handle, look_up, places, replaced
 from hypothesis import strategies as st
 
 from policies.learning.presets import Preset, load_preset
@@ -38,7 +38,6 @@ FEW_AND_MANY = [12, pytest.param(1000, marks=pytest.mark.slow)]
 
 
 def table(path: str) -> dict[str, Any]:
-    """The content of a bundled file."""
     return yaml.safe_load((CONFIGS / path).read_text())
 
 
@@ -48,8 +47,6 @@ def full(path: str, kind: type) -> dict[str, Any]:
 
 
 class File(NamedTuple):
-    """A kind of file."""
-
     read: Callable[[str], Any]
     """Its reader, given the path."""
     kind: Any
@@ -127,26 +124,19 @@ def test_every_number_is_refused_where_it_is_not_finite(name: str) -> None:
 @pytest.mark.parametrize("name", FILES)
 def test_every_key_refuses_or_bears_every_wild_value(name: str) -> None:
     _, kind, values = FILES[name]
-    for place in places(values):
-        for wild in WILD:
-            changed = replaced(values, place, wild)
-            config, _ = handle(lambda changed=changed: check(changed, kind))
-            if config is not None:
-                handle(lambda config=config: use(config))
+    for place, wild in itertools.product(places(values), WILD):
+        changed = replaced(values, place, wild)
+        config, _ = handle(lambda changed=changed: check(changed, kind))
+        if config is not None:
+            handle(lambda config=config: use(config))
 
 
 @pytest.mark.parametrize("examples", FEW_AND_MANY)
 @pytest.mark.parametrize("name", FILES)
 def test_changed_tables_are_refused_or_borne(name: str, examples: int) -> None:
     _, kind, values = FILES[name]
-
-    @fuzzing(examples)
-    @given(changed_tables(values))
-    def attempt(changed: dict[str, Any]) -> None:
-        handle(lambda: use(check(changed, kind)))
-
     assert handle(lambda: use(check(values, kind))) == (None, "")
-    attempt()
+    fuzz(changed_tables(values), examples, lambda changed: use(check(changed, kind)))
 
 
 @pytest.mark.parametrize("examples", [5, pytest.param(200, marks=pytest.mark.slow)])
@@ -155,15 +145,8 @@ def test_damaged_files_are_refused_or_borne(name: str, examples: int, tmp_path: 
     """The rest of a kind's readers is that of tables."""
     path, values = tmp_path / "mine.yaml", FILES[name].values
     content = yaml.safe_dump({key: values[key] for key in list(values)[:12]}).encode()
-
-    @fuzzing(examples)
-    @given(damaged(content))
-    def attempt(changed: bytes) -> None:
-        path.write_bytes(changed)
-        handle(lambda: FILES[name].read(str(path)))
-        handle(lambda: is_task(str(path)))
-
-    attempt()
+    for read in (FILES[name].read, is_task):
+        fuzz(damaged(content), examples, lambda changed, read=read: (path.write_bytes(changed), read(str(path))))
 
 
 @pytest.mark.parametrize("examples", [50, pytest.param(5000, marks=pytest.mark.slow)])
@@ -171,13 +154,8 @@ def test_settings_are_refused_or_borne(examples: int) -> None:
     """The texts of `--set`."""
     values = FILES["task"].values
     keys = st.sampled_from([".".join(map(str, place)) for place in places(values)])
-
-    @fuzzing(examples)
-    @given(st.one_of(st.text(max_size=50), st.builds("{}={}".format, keys, st.text(max_size=50))))
-    def attempt(text: str) -> None:
-        handle(lambda: check(with_settings(values, [read_setting(text)]), TaskConfig))
-
-    attempt()
+    fuzz(st.one_of(st.text(max_size=50), st.builds("{}={}".format, keys, st.text(max_size=50))), examples,
+         lambda text: check(with_settings(values, [read_setting(text)]), TaskConfig))
 
 
 COMMANDS = [

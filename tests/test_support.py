@@ -1,6 +1,7 @@
 """The README's table of supported combinations: each cell is what the code does."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 import trimesh
 
 import mpm
+from mpm.scene import features
+from mpm.scene.scene import Numerics, Scene
 
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text()
 PLACE = mpm.Pose(np.array([0.1, 0.1, 0.15]), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -38,16 +41,15 @@ def cells() -> dict[str, dict[str, str]]:
 
 
 def make(row: str) -> mpm.Solver:
-    """The scene of a row."""
     block = mpm.sample_box((0.05, 0.05, 0.0), (0.08, 0.08, 0.03), 0.01)
     body = mpm.Body(mpm.Elastic(E=1e5, nu=0.2, density=1000.0), block, volume=1e-6)
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], **SCENES[row])
 
 
-def accepts(make_it) -> bool:  # noqa: ANN001  (a callable)
+def accepts(call: Callable[[], object]) -> bool:
     """Whether a call is accepted; a refusal is an InvalidValue."""
     try:
-        make_it()
+        call()
     except mpm.InvalidValue:
         return False
     return True
@@ -58,31 +60,16 @@ def test_every_row_is_checked() -> None:
 
 
 @pytest.mark.parametrize("row", SCENES)
-def test_gradients_are_accepted_or_refused_as_the_table_says(row: str) -> None:
-    solver = make(row)
-    assert accepts(lambda: mpm.Rollout(solver, 2)) == (cells()[row]["gradients"] in ("yes", "one"))
-
-
-@pytest.mark.parametrize("row", SCENES)
-def test_batches_are_accepted_or_refused_as_the_table_says(row: str) -> None:
-    solver = make(row)
-    assert accepts(lambda: mpm.Batch(solver, 2)) == (cells()[row]["batch"] == "yes")
-
-
-@pytest.mark.parametrize("row", SCENES)
-def test_threads_are_those_that_the_table_says(row: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cell_is_what_the_code_does(row: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a GPU what is refused raises before anything is allocated."""
-    from mpm.scene import features
-    from mpm.scene.scene import Numerics, Scene
-
-    options, column = dict(SCENES[row]), cells()[row]
-    body = mpm.Body(mpm.Elastic(E=1e5, nu=0.2, density=1000.0), np.full((27, 3), 0.05), volume=1e-6)
-    scene = Scene(mpm.Grid((0, 0, 0), (0.1, 0.1, 0.1), 0.01), [body], options.get("colliders", []),
-                  options.get("walls", mpm.Walls()))
-    numerics = Numerics(precision="f32", integrator="auto", sleep=options.get("sleep", False))
+    solver, column = make(row), cells()[row]
+    assert accepts(lambda: mpm.Rollout(solver, 2)) == (column["gradients"] in ("yes", "one"))
+    assert accepts(lambda: mpm.Batch(solver, 2)) == (column["batch"] == "yes")
+    scene = Scene(solver.grid, solver.bodies, SCENES[row].get("colliders", []), SCENES[row].get("walls", mpm.Walls()))
+    numerics = Numerics(precision="f32", integrator="auto", sleep=SCENES[row].get("sleep", False))
 
     def derive() -> features.Features:
-        return features.features_of(scene, numerics, body_acceleration="body_acceleration" in options)
+        return features.features_of(scene, numerics, body_acceleration="body_acceleration" in SCENES[row])
 
     monkeypatch.setattr(features, "is_concurrent", lambda: True)
     assert not derive().serial

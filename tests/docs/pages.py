@@ -28,7 +28,6 @@ class Block:
 
     @property
     def is_run(self) -> bool:
-        """Whether its marks leave it in."""
         needed = self.marks.get("needs")
         return "skip" not in self.marks and (needed is None or find_spec(needed) is not None)
 

@@ -20,12 +20,10 @@ SHELL = ("cd", "pip", "python", "python3", "pytest", ".venv/bin/pip", ".venv/bin
 
 
 def python_of(page: Path) -> list[Block]:
-    """The Python blocks of a page that are to run."""
     return [b for b in blocks(page) if b.language == "python" and b.is_run]
 
 
 def is_slow(page: Path) -> bool:
-    """Whether a block of the page says so."""
     return any("slow" in b.marks for b in python_of(page))
 
 
