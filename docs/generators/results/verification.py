@@ -1,12 +1,11 @@
 """The pages of verification cases and of stability, from files of `robosim report` and `robosim stability`."""
 
 import re
-from importlib import import_module
 
 from generators.markdown import code, table
 from generators.results.measured import origin, stored
 from robosim.base.digests import code_digest
-from robosim.studies.verification.cases import NAMES, SUBJECTS, module_name
+from robosim.studies.verification.cases import NAMES, SUBJECTS, find, module_name
 from robosim.studies.verification.stability.field import AXES
 
 VERDICTS = {"pass": "passed", "fail": "**failed**", "not run": "not run"}
@@ -46,8 +45,8 @@ def note_on_age(runs: list[dict]) -> str:
 
 
 def paragraphs(name: str) -> list[str]:
-    """Paragraphs of a case's docstring: what is simulated; what is measured, and the reference."""
-    texts = (import_module(module_name(name)).__doc__ or "").strip().split("\n\n")
+    """Paragraphs of a case's docstring: what is simulated; what is measured, and the reference; parameters."""
+    texts = (find(name).simulate.__doc__ or "").strip().split("\n\n")
     return [" ".join(text.split()) for text in texts]
 
 

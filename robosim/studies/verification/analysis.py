@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from robosim.studies.verification.cases import find
-from robosim.studies.verification.cases.case import Record
-from robosim.studies.verification.cases.expectations import judge, value_of
+from robosim.studies.verification.cases.case import Record, value_of
+from robosim.studies.verification.cases.expectations import judge
 from robosim.studies.verification.runs import Run
 
 TARGET_ERROR = 0.01
 """Error whose run time is reported."""
+
 
 def group_series(case: str, records: list[Record]) -> dict[str, list[Record]]:
     """Group runs that differ only in resolution, coarse to fine; the label names their common choices."""
@@ -51,34 +52,24 @@ def time_to_error(target: float, points: list[tuple[float, float]]) -> float | N
 
 def observed_orders(records: list[Record], name: str, resolution: str | None) -> list[float]:
     """Return the observed orders of convergence of an error from run to run."""
-    if resolution is None:
-        return []
-    pairs = [(float(r.choices[resolution] or 0.0), abs(value_of(r, name))) for r in records]
+    pairs = [(float(r.choices[resolution] or 0.0), abs(value_of(r, name))) for r in records] if resolution else []
     return [float(np.log(e0 / e1) / abs(np.log(n1 / n0))) for (n0, e0), (n1, e1) in pairwise(pairs)
             if n0 != n1 and e0 > 0 and e1 > 0]
 
 
 def summarize_case(case: str, runs: list[Run]) -> dict[str, Any]:
     """Return a case's part of report.json."""
-    physics = find(case)
+    physics, series = find(case), []
     records = [run.record for run in runs if run.record is not None]
-    summary: dict[str, Any] = {
-        "case": case, "source": physics.source, "headline": physics.main_error,
-        "claims": [{**f._asdict(), "verdict": f.verdict, "high": finite_or_none(f.high), "low": finite_or_none(f.low),
-                    "found": finite_or_none(f.found)} for f in judge(physics, records)],
-        "failed": [{"choices": run.choices, "reason": run.failed} for run in runs if run.failed], "series": []}
     for label, members in group_series(case, records).items():
         points = [(r.seconds, abs(value_of(r, physics.main_error))) for r in members]
-        summary["series"].append({
+        series.append({
             "label": label, "points": points, "front": pareto_front(points),
             "orders": observed_orders(members, physics.main_error, physics.resolution),
             "seconds_to_1_percent": time_to_error(TARGET_ERROR, points)})
-    return summary
-
-
-def finite_or_none(value: float | None) -> float | None:
-    """Return a finite number as a float, anything else as None, which JSON can hold."""
-    return None if value is None or not np.isfinite(value) else float(value)
+    claims = replace_non_finite([{**f._asdict(), "verdict": f.verdict} for f in judge(physics, records)])
+    return {"case": case, "source": physics.source, "headline": physics.main_error, "claims": claims,
+            "failed": [{"choices": run.choices, "reason": run.failed} for run in runs if run.failed], "series": series}
 
 
 def replace_non_finite(value: Any) -> Any:
@@ -87,4 +78,4 @@ def replace_non_finite(value: Any) -> Any:
         return {key: replace_non_finite(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
         return [replace_non_finite(part) for part in value]
-    return finite_or_none(value) if isinstance(value, float) else value
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -14,36 +14,35 @@ from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
 from robosim.studies.verification.analysis import replace_non_finite, summarize_case
 from robosim.studies.verification.cases import NAMES, expand
-from robosim.studies.verification.cases.expectations import describe
+from robosim.studies.verification.cases.case import describe
 from robosim.studies.verification.report_page import add_comparison, make_page
-from robosim.studies.verification.runs import execute_runs, plan_runs
+from robosim.studies.verification.runs import execute_runs
 
 POINTS = {"machine": (str, ...), "reference": {"r_final_m": float},
           "points": [{"code": str, "cell_m": float, "seconds": float, "r99_m": float, "particles": float}]}
 """Form of the file of other codes' results."""
-YARDSTICK = "reference_layout.py"
-"""Script that prints the nanoseconds per particle and substep of a reference implementation."""
+YARDSTICK, YARDSTICK_FIGURE = "reference_layout.py", r'"ns_per_particle_substep": ([0-9.]+)'
+"""Script that prints the nanoseconds per particle and substep of a reference implementation, and how."""
 
 
 def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, points: Path | None = None,
            yardsticks: Path | None = None, compare: Path | None = None, launcher: Launcher | None = None) -> int:
     """Run cases, all when the list is empty, and write index.html and report.json.
 
-    names: of cases, or of subjects such as "forces", which stand for all of their cases.
-    quick: their quick sweeps. jobs: runs at a time. points: JSON file with other codes' results on the column collapse.
-    yardsticks: folder of YARDSTICK, to convert their seconds. compare: report.json of an earlier run.
-    launcher: runs the runs elsewhere.
+    names: of cases, or of subjects such as "forces", which stand for all of their cases. quick: their quick sweeps.
+    jobs: runs at a time. points: JSON file with other codes' results on the column collapse. yardsticks: folder of
+    YARDSTICK, to convert their seconds. compare: report.json of an earlier run. launcher: runs the runs elsewhere.
     Returns 0 if every expectation is met, else 1. Raises ConfigError, UnknownName for what cannot be used.
     """
-    names = expand(names)
+    names = expand(names) or list(NAMES)
     if jobs < 1:
         raise ConfigError(f"--jobs {jobs}; accepted: 1 or more")
     peers = read_peers(points) if points else None
     earlier = read_json(compare) if compare else None
     with OutputFolder(out) as folder:
-        runs = execute_runs(plan_runs(names or list(NAMES), quick), folder.path, jobs, launcher)
+        runs = execute_runs(names, quick, folder.path, jobs, launcher)
         speed = measure_yardstick(yardsticks) if yardsticks else None
-        results = {name: summarize_case(name, [run for run in runs if run.case == name]) for name in names or NAMES}
+        results = {name: summarize_case(name, [run for run in runs if run.case == name]) for name in names}
         content = replace_non_finite({"made_by": provenance(), "yardstick_ns": speed, "cases": results,
                                       "runs": [asdict(run) for run in runs]})
         folder.write_json("report.json", content)
@@ -102,8 +101,13 @@ def measure_yardstick(folder: Path) -> float:
     script = folder / YARDSTICK
     if not script.is_file():
         raise ConfigError(f"--yardsticks {folder}: no {YARDSTICK} in it")
-    stdout = subprocess.run([sys.executable, str(script), "50000"], capture_output=True, text=True, check=False).stdout
-    figure = re.search(r'"ns_per_particle_substep": ([0-9.]+)', stdout)
+    figure = run_yardstick([sys.executable, str(script), "50000"], YARDSTICK_FIGURE)
     if figure is None:
         raise ConfigError(f"{script}: prints no ns_per_particle_substep")
-    return float(figure[1])
+    return figure
+
+
+def run_yardstick(command: list[str], pattern: str) -> float | None:
+    """Run a reference program; return the figure that it prints, None where there is none."""
+    match = re.search(pattern, subprocess.run(command, capture_output=True, text=True, check=False).stdout)
+    return float(match[1]) if match else None

@@ -11,8 +11,8 @@ from robosim.reports.page import Page
 from robosim.reports.plot import Plot
 from robosim.studies.verification.analysis import group_series, pareto_front
 from robosim.studies.verification.cases import find
-from robosim.studies.verification.cases.case import Comparison, Record
-from robosim.studies.verification.cases.expectations import Within, describe, select, value_of
+from robosim.studies.verification.cases.case import Comparison, Record, describe, select, value_of
+from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.runs import Run
 
 REPORT = {"made_by": {"commit": object, "machine": object}, "runs": [{
@@ -32,9 +32,9 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
     page = Page("Verification: error against run time")
     page.add_heading("Expectations")
     page.add_text("Errors are relative, unless they have a unit.")
-    page.add_table(["case", "expectation", "found", "from", "to", "unit", "verdict"],
-                   [[name, c["claim"], c["found"], c["low"], c["high"], c["unit"], c["verdict"]]
-                    for name, result in results.items() for c in result["claims"]])
+    page.add_table(["case", "expectation", "found", "from", "to", "unit", "verdict"], [
+        [name, *(c[key] for key in ("claim", "found", "low", "high", "unit", "verdict"))]
+        for name, result in results.items() for c in result["claims"]])
     for name, result in results.items():
         page.add_heading(name)
         page.add_text(f"Reference: {result['source']}")
@@ -58,12 +58,12 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
 def draw_comparison(comparison: Comparison) -> str:
     """Draw measured points beside reference data and its uncertainty; return it as HTML."""
     plot = Plot(comparison.title, comparison.x, comparison.y, logarithmic=comparison.is_logarithmic)
-    for is_measured, series in ((True, comparison.measured), (False, comparison.published)):
+    for joined, series in ((comparison.is_joined, comparison.measured), (True, comparison.published)):
         for label, points in series.items():
-            places = [(x, y) for x, y, _ in points if math.isfinite(x) and math.isfinite(y)]
-            tooltips = [f"{text}\n{x:.4g}, {y:.4g}" for x, y, text in points if math.isfinite(x) and math.isfinite(y)]
-            if places:
-                plot.add_series(places, tooltips, label, joined=not is_measured or comparison.is_joined)
+            drawn = [point for point in points if math.isfinite(point[0]) and math.isfinite(point[1])]
+            if drawn:
+                plot.add_series([(x, y) for x, y, _ in drawn], [f"{text}\n{x:.4g}, {y:.4g}" for x, y, text in drawn],
+                                label, joined=joined)
     if comparison.line:
         plot.add_line(comparison.line, comparison.uncertainty, is_relative=comparison.is_relative)
     return plot.html()
@@ -73,14 +73,11 @@ def _add_runs(page: Page, records: list[Record]) -> None:
     """Add a table of runs with their choices, cost and errors."""
     keys = sorted({key for r in records for key in r.choices})
     errors = sorted({key for r in records for key in r.errors})
-
-    def choice(record: Record, key: str) -> object:
-        value = record.choices.get(key, "")
-        return value if isinstance(value, float) else str(value)
-
+    choices = [[value if isinstance(value, float) else str(value) for value in (r.choices.get(key, "") for key in keys)]
+               for r in records]
     page.add_table([*keys, "particles", "steps", "seconds", "compilation [s]", "memory [MB]", *errors],
-                   [[*(choice(r, key) for key in keys), r.particles, r.steps, r.seconds, r.compile_seconds,
-                     r.peak_bytes / 1e6, *(r.errors.get(key) for key in errors)] for r in records])
+                   [[*chosen, r.particles, r.steps, r.seconds, r.compile_seconds, r.peak_bytes / 1e6,
+                     *(r.errors.get(key) for key in errors)] for chosen, r in zip(choices, records)])
 
 
 def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, speed: float | None) -> str:

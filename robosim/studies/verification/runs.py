@@ -1,6 +1,7 @@
-"""Runs of cases and of cells of the stability report, as jobs of a study."""
+"""Runs of cases, as jobs of a study."""
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,6 @@ from robosim.base.study import Job, Study
 from robosim.studies.verification.cases import find, module_name
 from robosim.studies.verification.cases.case import Record
 
-MEASURE = "robosim.studies.verification.runs:measure_case"
-"""Function of the jobs."""
-
 
 @dataclass(frozen=True)
 class Run:
@@ -21,23 +19,19 @@ class Run:
 
     case: str
     choices: dict[str, Any]
-    """Arguments of the case."""
     code: str
     """Digest of the code that the case exercises."""
     record: Record | None = None
-    """Result; None where it failed."""
     failed: str = ""
     """Why there is no record."""
 
 
-def plan_runs(names: list[str], quick: bool) -> list[Job]:
-    """Return the runs of cases; quick: of their quick sweeps."""
-    return [Job(MEASURE, {"case": name, "choices": choices}, exercises=module_name(name))
+def execute_runs(names: Iterable[str], quick: bool, folder: Path, processes: int,
+                 launcher: Launcher | None) -> list[Run]:
+    """Return the runs of cases, stored in the folder or made now; quick: of their quick sweeps."""
+    jobs = [Job("robosim.studies.verification.runs:measure_case", {"case": name, "choices": choices},
+                exercises=module_name(name))
             for name in names for choices in (find(name).quick if quick else find(name).sweep)]
-
-
-def execute_runs(jobs: list[Job], folder: Path, processes: int, launcher: Launcher | None = None) -> list[Run]:
-    """Return the runs of jobs, stored in the folder or made now; failed ones are repeated."""
     return [Run(**row.job.arguments, code=row.job.code, failed=row.failed,
                 record=None if row.value is None else Record(**row.value))
             for row in Study(folder, processes, launcher).rows(jobs, "report")]

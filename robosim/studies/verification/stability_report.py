@@ -13,21 +13,11 @@ from robosim.base.study import Job, Study
 from robosim.reports.page import HeatCell, Page
 from robosim.studies.verification.analysis import replace_non_finite
 from robosim.studies.verification.stability import field
-from robosim.studies.verification.stability.cell import CellResult
+from robosim.studies.verification.stability.cell import DEFINITIONS, CellResult
 from robosim.studies.verification.stability.field import AXES, find_axis
 
 CELLS = "robosim.studies.verification.stability.field"
 """Module whose code the cells exercise."""
-DEFINITIONS = {
-    "particles": "finite; every principal stretch between 0.05 and 20; no particle outside the walls; speeds below "
-    "twice what the drop gives plus a tenth of the sound speed; energy never more than 1 % above the start's; momentum "
-    "accounted for to 1e-5 of what was exchanged",
-    "particles and bodies": "the same for both together; a body at rest within 0.3 mm of its height at MuJoCo steps of "
-    "0.2 ms",
-    "arm": "finite; motors within their torques; joints within their ranges to a degree; the tool within a millimetre "
-    "of its target, without a joint faster than the data sheet allows",
-}
-"""What "stable" means for each subject."""
 
 
 def stability(axes: list[str], out: Path, jobs: int = 1, launcher: Launcher | None = None) -> int:
@@ -70,6 +60,6 @@ def make_page(results: list[dict[str, Any]]) -> Page:
     for subject, definition in DEFINITIONS.items():
         page.add_text(f"{subject}: {definition}.")
     page.add_heading("All cells")
-    page.add_table(["axis", "value", "verdict", "reason"],
-                   [[r["axis"], r["value"], r["verdict"], r["reason"]] for r in results])
+    head = ("axis", "value", "verdict", "reason")
+    page.add_table(head, [[r[key] for key in head] for r in results])
     return page

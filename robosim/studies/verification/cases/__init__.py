@@ -1,6 +1,10 @@
-"""Cases with independent reference solutions: each a file with its set-up, its reference and the source of that.
+"""Cases with independent reference solutions, each with its set-up, its reference and the source of that.
 
-A case is the function `measure(**choices)` of the module of its name, which `case` makes a `Case` of.
+A case is the function of its name, which `case` makes a `Case` of; its docstring is the case's page. Choices that
+cases share: cell of the grid [m]; courant: of `beds.courant_step`; precision, contact and transfer_interval (0 without
+strides): see `mpm.Solver`; volume_rate: see `mpm.NewtonianFluid`; face_cells: see `mpm.Shell.from_mesh`; E or
+stiffness: Young's modulus [Pa]; mass [kg]; duration [s]; host_step: of MuJoCo [s]; friction_deg: whose tangent the sand
+carries in simple shear; phi_deg: friction angle [deg].
 
 Imports: base, coupling, scene, mpm.
 """
@@ -14,21 +18,28 @@ from robosim.base.errors import UnknownName
 if TYPE_CHECKING:
     from robosim.studies.verification.cases.case import Case
 
-CASES = {
-    "continuum": ("free_fall", "slow_translation", "axis_aligned", "bar", "vortex", "spin", "elastic_energy",
-                  "uniaxial", "column_weight"),
+MODULES = {
+    "continuum.motion": ("free_fall", "slow_translation", "spin"), "continuum.manufactured": ("axis_aligned", "vortex"),
+    "continuum.vibration": ("bar", "elastic_energy"), "continuum.statics": ("uniaxial", "column_weight"),
     "fluid": ("hydrostatic", "dam_break", "lock_gate"),
-    "granular": ("return_mapping", "element_path", "slope", "heap", "column_collapse", "collapse_profile", "orifice",
-                 "rotating_drum", "chute_flow", "small_hole", "sleeping"),
-    "coupling": ("shell_leak", "closed_system", "bar_impact", "floating_cube", "block_at_rest", "sliding_block",
-                 "rest_height", "carried_load", "added_mass", "swinging_ball", "driven_wheel"),
-    "forces": ("plate_map", "plate_pull", "plate_drag", "retaining_wall", "silo_load", "dropped_sphere"),
-    "scenes": ("sleeping_scenes",),
-    "robot": ("ik_poses", "jerk_limits", "arm_limits", "two_models"),
+    "granular.element": ("return_mapping", "element_path"), "granular.slopes": ("slope", "heap", "chute_flow"),
+    "granular.column": ("column_collapse",), "granular.collapse_profile": ("collapse_profile",),
+    "granular.discharge": ("orifice", "small_hole"), "granular.rotating_drum": ("rotating_drum",),
+    "granular.sleeping": ("sleeping",),
+    "coupling.shell_leak": ("shell_leak",), "coupling.impacts": ("closed_system", "bar_impact"),
+    "coupling.floating": ("floating_cube", "added_mass"),
+    "coupling.blocks": ("block_at_rest", "sliding_block", "rest_height"),
+    "coupling.carriages": ("carried_load", "driven_wheel"), "coupling.swinging_ball": ("swinging_ball",),
+    "forces.plates": ("plate_map", "plate_pull"), "forces.walls": ("plate_drag", "retaining_wall", "silo_load"),
+    "forces.dropped_sphere": ("dropped_sphere",), "scenes.sleeping_scenes": ("sleeping_scenes",),
+    "robot.kinematics": ("ik_poses", "jerk_limits", "two_models"), "robot.arm_limits": ("arm_limits",),
 }
-"""Subject, which is a folder and names all of its cases -> their names, in the order of the report."""
-SUBJECTS = {name: subject for subject, names in CASES.items() for name in names}
-NAMES, GROUPS = tuple(SUBJECTS), tuple(CASES)
+"""Module, which begins with the subject, -> names of its cases, in the order of the report."""
+PLACES = {name: place for place, names in MODULES.items() for name in names}
+SUBJECTS = {name: place.partition(".")[0] for name, place in PLACES.items()}
+CASES = {subject: tuple(name for name in PLACES if SUBJECTS[name] == subject) for subject in SUBJECTS.values()}
+"""Subject, which stands for all of its cases, -> their names."""
+NAMES, GROUPS = tuple(PLACES), tuple(CASES)
 
 
 def expand(names: Iterable[str]) -> list[str]:
@@ -38,7 +49,7 @@ def expand(names: Iterable[str]) -> list[str]:
     """
     cases: dict[str, None] = {}
     for name in names:
-        if name not in SUBJECTS and name not in CASES:
+        if name not in PLACES and name not in CASES:
             raise UnknownName("case", name, (*NAMES, *GROUPS))
         cases |= dict.fromkeys(CASES.get(name, (name,)))
     return list(cases)
@@ -46,11 +57,11 @@ def expand(names: Iterable[str]) -> list[str]:
 
 def module_name(name: str) -> str:
     """Return the full module name of a case. Raises UnknownName for a case that does not exist."""
-    if name not in SUBJECTS:
+    if name not in PLACES:
         raise UnknownName("case", name, NAMES)
-    return f"{__name__}.{SUBJECTS[name]}.{name}"
+    return f"{__name__}.{PLACES[name]}"
 
 
 def find(name: str) -> "Case":
     """Import a case. Raises UnknownName for a case that does not exist."""
-    return import_module(module_name(name)).measure
+    return getattr(import_module(module_name(name)), name)

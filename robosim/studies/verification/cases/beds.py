@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +13,19 @@ from robosim.studies.verification.cases.case import TimedSolver
 UPRIGHT = mpm.Pose.identity().quaternion
 SLICE = mpm.Walls(lower=("slip", "periodic", "friction"), upper=("slip", "periodic", "slip"))
 """Walls of a slice in plane strain on a rough floor."""
+SMOOTH_SLICE = mpm.Walls(lower=("slip", "periodic", "slip"), upper=("slip", "periodic", "slip"))
+INCLINE = mpm.Walls(lower=("periodic", "periodic", "stick"), upper=("periodic", "periodic", "slip"))
+"""Walls of a sheet on a rough plane."""
 
 
 def courant_step(courant: float, cell: float, law: Material) -> float:
     """Return the substep [s] of a Courant number, in cells over the speed of pressure waves."""
     return courant * cell / math.sqrt((law.lam + 2 * law.mu) / law.density)
+
+
+def fill_box(law: Material, low: Any, high: Any, cell: float, **more: Any) -> mpm.Body:
+    """Return a body of two particles per cell along each axis in a box [m]; more: fields of `mpm.Body`."""
+    return mpm.Body(law, mpm.sample_box(low, high, cell / 2), volume=(cell / 2) ** 3, **more)
 
 
 def resting_body(law: Material, positions: np.ndarray, volume: float) -> mpm.Body:
@@ -44,3 +53,8 @@ def carry(timed: TimedSolver, displacement: Callable[[int], np.ndarray | list[fl
         timed.advance(window)
         yield k
         here = there
+
+
+def rms(vectors: np.ndarray) -> float:
+    """Return the root of the mean square of the lengths of vectors (n, d)."""
+    return float(np.sqrt((vectors**2).sum(1).mean()))

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import mpm
 from robosim.scene.settle import settle
@@ -20,17 +20,14 @@ class Record:
     """One run of a case."""
 
     case: str
-    """Name of the case."""
     choices: dict[str, float | str | bool | None]
     """Arguments of the case: cells, courant, precision and those of its own."""
     particles: int
-    """Number of particles."""
     steps: int
     """Number of substeps."""
     seconds: float
-    """Wall time [s] after compilation."""
+    """Wall time [s] after compilation, and of it."""
     compile_seconds: float
-    """Wall time [s] of compilation."""
     errors: dict[str, float]
     """Errors against the reference, relative to the case's own scale unless the name states a unit."""
     readings: dict[str, float] = field(default_factory=dict)
@@ -49,9 +46,8 @@ class Cost(NamedTuple):
     particles: int
     steps: int
     seconds: float
-    """Wall time [s] after compilation."""
+    """Wall time [s] after compilation, and of it."""
     compile_seconds: float = 0.0
-    """Wall time [s] of compilation."""
 
 
 class TimedSolver:
@@ -86,18 +82,33 @@ class TimedSolver:
 
     def record(self, errors: dict[str, Any], **readings: Any) -> Record:
         """Return the record of the run so far, to which a `Case` adds its name and the choices."""
-        return make_record([self.cost], errors, readings)
+        return make_record([self.cost], errors, **readings)
 
 
-def make_record(costs: Sequence[Cost], errors: dict[str, Any], readings: dict[str, Any]) -> Record:
+def make_record(costs: Sequence[Cost], errors: dict[str, Any], **readings: Any) -> Record:
     """Return the record of a run of several solvers: sums of steps and times, and the largest number of particles."""
+    particles, steps, seconds, compile_seconds = zip(*costs)
     return Record(
-        case="", choices={}, particles=max(cost.particles for cost in costs),
-        steps=sum(cost.steps for cost in costs), seconds=sum(cost.seconds for cost in costs),
-        compile_seconds=sum(cost.compile_seconds for cost in costs),
-        errors={name: float(value) for name, value in errors.items()},
+        case="", choices={}, particles=max(particles), steps=sum(steps), seconds=sum(seconds),
+        compile_seconds=sum(compile_seconds), errors={name: float(value) for name, value in errors.items()},
         readings={name: float(value) for name, value in readings.items()},
         peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+
+
+def select(records: Sequence[Record], where: dict[str, Any]) -> list[Record]:
+    """Return the records that have these choices."""
+    return [record for record in records if all(record.choices.get(key) == value for key, value in where.items())]
+
+
+def value_of(record: Record, name: str) -> float:
+    """Return an error of a record, or its reading of that name."""
+    return record.errors[name] if name in record.errors else record.readings[name]
+
+
+def describe(choices: dict[str, Any]) -> str:
+    """Format choices as text."""
+    return ", ".join(f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
+                     for key, value in choices.items())
 
 
 class Finding(NamedTuple):
@@ -108,9 +119,8 @@ class Finding(NamedTuple):
     found: float | None
     """The value furthest from the accepted range; None: no run measures it."""
     low: float
-    """Lower end of the accepted range."""
+    """Lower end of the accepted range, `high` the upper one."""
     high: float
-    """Upper end of the accepted range."""
     unit: str = ""
     """Of all three; empty where the error is relative."""
 
@@ -122,22 +132,24 @@ class Finding(NamedTuple):
         return "pass" if self.low <= self.found <= self.high else "fail"
 
 
-class Expectation(Protocol):
-    """An accepted range of a figure of the runs that have the choices `where`."""
+class Expectation:
+    """An accepted range of a figure of the runs that have the choices `where`; dataclasses of `expectations`."""
 
-    @property
-    def name(self) -> str:
-        """Error or reading."""
-        ...
-
-    @property
-    def where(self) -> dict[str, Any]:
-        """Choices of the runs."""
-        ...
+    name: str
+    """Error or reading."""
+    where: dict[str, Any]
 
     def evaluate(self, records: Sequence[Record]) -> Finding:
         """Return the figure found, or the one furthest from the range."""
-        ...
+        raise NotImplementedError
+
+    def values(self, records: Sequence[Record], where: dict[str, Any] | None = None, name: str = "") -> list[float]:
+        """Return the values of the runs that have these choices, too; name: in place of the expectation's."""
+        return [value_of(record, name or self.name) for record in select(records, {**self.where, **(where or {})})]
+
+    def finding(self, claim: str, found: float | None, low: float, high: float) -> Finding:
+        """Return what was found, with the choices to which the expectation is limited."""
+        return Finding(f"{claim} at {describe(self.where)}" if self.where else claim, found, low, high)
 
 
 @dataclass(frozen=True)
@@ -146,9 +158,8 @@ class Comparison:
 
     title: str
     x: str
-    """Title of the axis, with the unit."""
+    """Title of the axis, with the unit; `y` likewise."""
     y: str
-    """Title of the axis, with the unit."""
     measured: dict[str, list[Point]]
     """Label of a series -> its points."""
     uncertainty: float
@@ -169,15 +180,13 @@ class Comparison:
 class Case:
     """A simulation with an independent reference solution; the decorator `case` makes one of a function."""
 
-    name: str
     simulate: Callable[..., Record]
     """Runs the simulation with keyword arguments, its choices; returns errors and readings."""
     source: str
     """Reference solution, and where it is published."""
     sweep: list[dict[str, Any]]
-    """Choices of the runs of a whole report."""
+    """Choices of the runs of a whole report; quick: of a quick one."""
     quick: list[dict[str, Any]]
-    """Choices of the runs of a quick report."""
     expectations: Sequence[Expectation]
     main_error: str
     """Error that is plotted over the run time."""
@@ -189,6 +198,11 @@ class Case:
     """Returns plots of runs beside reference data."""
     options: type | None = None
     """Dataclass of the choices, where they are more than a function's arguments should be."""
+
+    @property
+    def name(self) -> str:
+        """The function's name."""
+        return self.simulate.__name__
 
     @property
     def defaults(self) -> dict[str, Any]:
@@ -204,8 +218,8 @@ class Case:
 
 
 def case(**parts: Any) -> Callable[[Callable[..., Record]], Case]:
-    """Make a case of the function `measure` in the module of its name; parts: the other fields of `Case`."""
-    return lambda simulate: Case(simulate.__module__.rpartition(".")[2], simulate, **parts)
+    """Make a case of a function; parts: the other fields of `Case`."""
+    return lambda simulate: Case(simulate, **parts)
 
 
 def grid(**values: Sequence[Any]) -> list[dict[str, Any]]:

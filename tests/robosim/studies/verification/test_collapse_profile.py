@@ -11,19 +11,11 @@ from robosim.base.errors import UnknownName
 from robosim.studies.verification.cases.case import Cost, TimedSolver, make_record
 from robosim.studies.verification.cases.dense_sand import DenseSand, dense_sand, shear_ratio
 from robosim.studies.verification.cases.expectations import Within, judge
-from robosim.studies.verification.cases.granular import collapse_profile
-from robosim.studies.verification.cases.granular.deposit import (
-    THIN,
-    Profile,
-    closed_depths,
-    find_rim,
-    find_summit,
-    measure_profile,
-    profile_difference,
-    volume_of,
-)
-from robosim.studies.verification.cases.granular.element_path import stress
-from robosim.studies.verification.cases.granular.return_mapping import CELL, DT, deform
+from robosim.studies.verification.cases.granular import collapse_profile as module
+from robosim.studies.verification.cases.granular.collapse_profile import Profile, closed_depths, profile_difference
+from robosim.studies.verification.cases.granular.element import CELL, DT, deform, stress
+
+CASE = module.collapse_profile
 
 
 # analysis ------------------------------------------------------------------------------------------------------------
@@ -35,16 +27,16 @@ def heap_of(summit: float, rim: float, share: float) -> Profile:
     if share == 0.25:
         x, y = x[(x > 0) & (y > 0)], y[(x > 0) & (y > 0)]
     radii = np.hypot(x, y)
-    return measure_profile(radii, spacing**2 * summit * np.clip(1 - radii / rim, 0, 1), share)
+    return module.measure_profile(radii, spacing**2 * summit * np.clip(1 - radii / rim, 0, 1), share)
 
 
 @pytest.mark.parametrize(("summit", "rim", "share"), [(0.9, 2.24, 1.0), (0.9, 2.24, 0.25), (0.5, 1.62, 0.25)])
 def test_a_cone_has_its_rim_summit_and_volume(summit: float, rim: float, share: float) -> None:
     """The rim is where the cone is THIN, which lies by THIN / slope inside its edge."""
     profile, volume = heap_of(summit, rim, share), math.pi * summit * rim**2 / 3
-    assert find_summit(profile) == pytest.approx(summit, rel=0.01)
-    assert find_rim(profile) == pytest.approx(rim * (1 - THIN / summit), abs=0.02)
-    assert volume_of(profile) == pytest.approx(volume, rel=5e-3)
+    assert module.find_summit(profile) == pytest.approx(summit, rel=0.01)
+    assert module.find_rim(profile) == pytest.approx(rim * (1 - module.THIN / summit), abs=0.02)
+    assert module.volume_of(profile) == pytest.approx(volume, rel=5e-3)
     assert profile_difference(profile, closed_depths(profile.radii, summit, rim, volume)) < 0.02
     wider = closed_depths(profile.radii, summit, 1.3 * rim, volume)
     assert profile_difference(profile, wider) > 0.1
@@ -68,7 +60,7 @@ def test_a_volume_that_no_profile_has_is_refused() -> None:
 
 def test_a_law_that_the_case_lacks_is_refused() -> None:
     with pytest.raises(UnknownName, match="drucker_prager"):
-        collapse_profile.make_law("cam_clay", 1e5, 0.7)
+        module.make_law("cam_clay", 1e5, 0.7)
 
 
 # law of dense sand ---------------------------------------------------------------------------------------------------
@@ -125,9 +117,9 @@ def test_dense_sand_flows_on_its_surface_and_dilates_to_the_critical_state(path:
 def test_an_error_that_passes_zero_fails_and_sleep_does_not_hide_vibration() -> None:
     """A run-out that goes from -9 to +0.4 % has not converged; what moves once it is woken is not at rest."""
     def verdicts(name: str, *runs: tuple[int, dict[str, float]]) -> set[str]:
-        records = [replace(make_record([Cost(1, 1, 1.0)], errors, {}),
-                           choices={**collapse_profile.measure.defaults, "cells": n}) for n, errors in runs]
-        wanted = [one for one in collapse_profile.measure.expectations if one.name == name and not (
+        records = [replace(make_record([Cost(1, 1, 1.0)], errors),
+                           choices={**CASE.defaults, "cells": n}) for n, errors in runs]
+        wanted = [one for one in CASE.expectations if one.name == name and not (
             isinstance(one, Within) and "cells" in one.where)]
         return {one.evaluate(records).verdict for one in wanted} - {"not run"}
 
@@ -140,16 +132,16 @@ def test_an_error_that_passes_zero_fails_and_sleep_does_not_hide_vibration() -> 
 # a column ------------------------------------------------------------------------------------------------------------
 def test_a_coarse_column_keeps_its_volume_and_comes_to_rest() -> None:
     """At 8 cells per radius the deposit is short and low; its volume is that of the column and what it dilated."""
-    record = collapse_profile.measure(cells=8)
+    record = CASE(cells=8)
     depths = {float(n.removeprefix("depth at ")): h for n, h in record.readings.items() if n.startswith("depth at ")}
     profile = Profile(np.array(list(depths)), np.array(list(depths.values())))
-    assert volume_of(profile) == pytest.approx(math.pi * (1 + record.readings["expansion"]), rel=1e-6)
+    assert module.volume_of(profile) == pytest.approx(math.pi * (1 + record.readings["expansion"]), rel=1e-6)
     room = math.expm1(dense_sand(0.7, E=1e5, nu=0.3, density=1600.0).room)
     assert 0.3 * room < record.readings["expansion"] < room
     assert -0.35 < record.errors["run-out"] < 0 and -0.25 < record.errors["height"] < 0, record.errors
-    assert {f.verdict for f in judge(collapse_profile.measure, [record])} == {"pass", "not run"}
+    assert {f.verdict for f in judge(CASE, [record])} == {"pass", "not run"}
     assert record.readings["awake"] == record.errors["drift"] == 0
     assert 0 < record.errors["drift, settled"] < record.errors["drift, woken"]
     assert record.readings["settlement"] < 1e-3
-    (_, points), = collapse_profile.measure.compare([record])[0].measured.items()
+    (_, points), = CASE.compare([record])[0].measured.items()
     assert len(points) == len(depths)

@@ -1,12 +1,13 @@
-"""Expectations of the verification cases: they can fail, and a whole report measures each of them."""
+"""Expectations of the verification cases: they can fail, of planted errors, too; a whole report measures each."""
 
 import numpy as np
 import pytest
 
+import mpm
 from robosim.studies.verification.analysis import pareto_front, time_to_error
 from robosim.studies.verification.cases import NAMES, find
 from robosim.studies.verification.cases.case import Record
-from robosim.studies.verification.cases.expectations import Approach, Order, Power, Ratio, Rising, Slope, Within
+from robosim.studies.verification.cases.expectations import Approach, Order, Power, Ratio, Rising, Slope, Within, judge
 
 
 def record(error: float = 0.0, readings: dict[str, float] | None = None, **choices) -> Record:
@@ -18,8 +19,7 @@ def test_a_power_is_fitted_to_all_runs() -> None:
     """y = 3 x^1.5 passes as a power from 1.4 to 1.6, not as one from 1.6 to 2; one run does not measure it."""
     records = [record(readings={"x": x, "y": 3.0 * x**1.5}) for x in (0.5, 1.0, 4.0)]
     assert Power("y", "x", 1.4, 1.6).evaluate(records).found == pytest.approx(1.5)
-    assert Power("y", "x", 1.4, 1.6).evaluate(records).verdict == "pass"
-    assert Power("y", "x", 1.6, 2.0).evaluate(records).verdict == "fail"
+    assert [Power("y", "x", low, 2.0).evaluate(records).verdict for low in (1.4, 1.6)] == ["pass", "fail"]
     assert Power("y", "x", 1.4, 1.6).evaluate(records[:1]).verdict == "not run"
 
 
@@ -97,10 +97,44 @@ def test_a_whole_report_measures_every_expectation(name: str) -> None:
     runs = [case.defaults | choices for choices in case.sweep]
     for one in case.expectations:
         assert one.evaluate([]).verdict == "not run"
-        ends = [{one.resolution: end} for end in one.ends] if isinstance(one, Order) else \
-            [{one.along: end} for end in one.ends] if isinstance(one, Ratio) else \
-            [{one.resolution: value} for value in one.values] if isinstance(one, Approach) else [{}]
+        ends = [{one.resolution: end} for end in one.ends] if isinstance(one, Order | Ratio | Approach) else [{}]
         for where in ({**one.where, **end} for end in ends):
             matching = [choices for choices in runs if where.items() <= choices.items()]
             assert matching, f"{one}: no run at {where}"
-            assert not isinstance(one, Rising) or len({choices[one.along] for choices in matching}) > 1
+            assert not isinstance(one, Rising) or len({choices[one.resolution] for choices in matching}) > 1
+
+
+def verdicts(name: str, **choices) -> dict[str, str]:
+    """Verdicts on a run of a case."""
+    case = find(name)
+    return {finding.claim: finding.verdict for finding in judge(case, [case(**choices)])}
+
+
+def test_a_scaled_reaction_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ball receives nine tenths of the momentum that the particles lose."""
+    whole = mpm.Solver.collider_impulse
+
+    def scaled(self: mpm.Solver, *which, **about) -> mpm.Wrench:
+        return mpm.Wrench(*(0.9 * part for part in whole(self, *which, **about)))
+
+    monkeypatch.setattr(mpm.Solver, "collider_impulse", scaled)
+    assert "fail" in verdicts("closed_system", precision="f32", material="sand").values()
+
+
+@pytest.mark.slow
+def test_a_wall_half_a_cell_off_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bar starts half a cell from the wall that holds it."""
+    box = mpm.sample_box
+    choices = {"cells": 50, "courant": 0.2, "precision": "f64", "periods": 1}
+    claim = "frequency at cells 50, courant 0.2, precision f64"
+    assert verdicts("bar", **choices)[claim] == "pass"
+    monkeypatch.setattr(mpm, "sample_box", lambda low, high, spacing: box(low, high, spacing) + [spacing, 0, 0])
+    assert verdicts("bar", **choices)[claim] == "fail"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_friction_wrong_by_a_tenth_fails(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
+    alpha = mpm.DruckerPrager.alpha.fget
+    monkeypatch.setattr(mpm.DruckerPrager, "alpha", property(lambda self: factor * alpha(self)))
+    assert verdicts("slope", cells=32)["acceleration at cells 32"] == "fail"

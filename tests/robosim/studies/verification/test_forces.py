@@ -12,21 +12,10 @@ from robosim.base.resources import folder
 from robosim.studies.verification.cases.case import Comparison
 from robosim.studies.verification.cases.dense_sand import DenseSand, shear_ratio
 from robosim.studies.verification.cases.expectations import Within
-from robosim.studies.verification.cases.forces import (
-    dropped_sphere,
-    plate_map,
-    plate_pull,
-    resistive_force,
-    silo_load,
-)
-from robosim.studies.verification.cases.forces.earth_pressure import coulomb_passive, rankine
+from robosim.studies.verification.cases.forces import dropped_sphere, plates, resistive_force
 from robosim.studies.verification.cases.forces.plate_bed import make_sand
-from robosim.studies.verification.cases.forces.resistive_force import (
-    plane_alpha,
-    read_reference,
-    space_alpha,
-    space_scale,
-)
+from robosim.studies.verification.cases.forces.resistive_force import plane_alpha, read_reference, space_alpha
+from robosim.studies.verification.cases.forces.walls import coulomb_passive, janssen, rankine
 from robosim.studies.verification.report_page import draw_comparison
 
 
@@ -53,14 +42,14 @@ def test_vertical_motion_has_the_mirror_symmetry(medium: str) -> None:
 def test_tables_in_the_plane_agree_but_for_their_scale() -> None:
     """The packings of poppy seeds differ from the generic table by less than the uncertainty that is stated."""
     def scaled(medium: str) -> np.ndarray:
-        return np.array([plane_alpha(b, g, medium) for b, g in plate_map.DIRECTIONS["map"]]) \
+        return np.array([plane_alpha(b, g, medium) for b, g in plates.DIRECTIONS["map"]]) \
             / plane_alpha(0, 90, medium).z
 
     reference = read_reference("resistive_force_2d")
     for medium in ("loose poppy seeds", "close poppy seeds"):
         assert np.sqrt(np.mean((scaled(medium) - scaled("generic")) ** 2)) < 0.06 < reference["uncertainty"]
         scale = 1e6 * plane_alpha(0, 90, medium).z / (9.81 * reference["bulk_density"][medium])
-        least, most = next((float(one.low or 0.0), one.high) for one in plate_map.measure.expectations
+        least, most = next((float(one.low or 0.0), one.high) for one in plates.plate_map.expectations
                            if isinstance(one, Within) and one.name == "scale")
         assert least - 0.1 < scale < most
 
@@ -85,7 +74,7 @@ def test_doubtful_coefficients_would_drive_the_plate() -> None:
 
 @pytest.mark.parametrize(("mu", "scale"), [(0.3, 16.1), (0.4, 31.1), (0.5, 59.8), (0.7, 179.8)])
 def test_scale_of_the_theory_in_space(mu: float, scale: float) -> None:
-    assert space_scale(mu) == pytest.approx(scale, abs=0.06)
+    assert resistive_force.space_scale(mu) == pytest.approx(scale, abs=0.06)
 
 
 def test_a_wrong_file_of_references_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,10 +103,10 @@ def test_earth_pressure_is_that_of_the_worst_wedge() -> None:
 def test_janssen_balances_every_layer() -> None:
     """d sigma / dz = rho g - 2 mu K sigma / W, by differences; without friction it is the weight."""
     z, h = np.linspace(0.01, 0.5, 50), 1e-5
-    slope = (silo_load.janssen(z + h, 0.1, 0.3, 0.5) - silo_load.janssen(z - h, 0.1, 0.3, 0.5)) / (2 * h)
-    balance = 1500.0 * 9.81 - 2 * 0.3 * 0.5 / 0.1 * silo_load.janssen(z, 0.1, 0.3, 0.5)
+    slope = (janssen(z + h, 0.1, 0.3, 0.5) - janssen(z - h, 0.1, 0.3, 0.5)) / (2 * h)
+    balance = 1500.0 * 9.81 - 2 * 0.3 * 0.5 / 0.1 * janssen(z, 0.1, 0.3, 0.5)
     assert slope == pytest.approx(balance, rel=1e-6)
-    assert silo_load.janssen(0.2, 0.1, 1e-9, 0.5) == pytest.approx(1500.0 * 9.81 * 0.2, rel=1e-6)
+    assert janssen(0.2, 0.1, 1e-9, 0.5) == pytest.approx(1500.0 * 9.81 * 0.2, rel=1e-6)
 
 
 def test_lifted_block_weighs_its_volume() -> None:
@@ -126,7 +115,7 @@ def test_lifted_block_weighs_its_volume() -> None:
     for depth in (0.5, 2.0, 4.0):
         offset = lean * (np.arange(20000) + 0.5) / 20000 * depth
         for square, area in ((False, 1 + 2 * offset), (True, 1 + 4 * offset + math.pi * offset**2)):
-            found = plate_pull.lifting_bound(np.array([depth]), 30.0, square)
+            found = plates.lifting_bound(np.array([depth]), 30.0, square)
             assert found == pytest.approx([area.mean()], rel=1e-6), (depth, square)
 
 

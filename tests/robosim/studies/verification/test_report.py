@@ -12,7 +12,7 @@ from study_stand_in import StandIn
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.reports.page import Page
 from robosim.studies.verification.analysis import replace_non_finite
-from robosim.studies.verification.cases.continuum import free_fall
+from robosim.studies.verification.cases.continuum import motion
 from robosim.studies.verification.report import read_peers, report
 from robosim.studies.verification.report_page import add_comparison
 
@@ -20,8 +20,8 @@ from robosim.studies.verification.report_page import add_comparison
 def test_a_report_runs_every_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Finished runs are kept, a failed run is a row with its reason; the page is self-contained and its points have
     tooltips."""
-    monkeypatch.setattr(free_fall, "measure", replace(
-        free_fall.measure, quick=[{"precision": "f64", "steps": 20}, {"precision": "f16"}]))
+    monkeypatch.setattr(motion, "free_fall", replace(
+        motion.free_fall, quick=[{"precision": "f64", "steps": 20}, {"precision": "f16"}]))
     assert report(["free_fall"], tmp_path, quick=True) == 1
     content = json.loads((tmp_path / "report.json").read_text())
     assert [bool(run["failed"]) for run in content["runs"]] == [False, True]

@@ -9,7 +9,7 @@ from study_stand_in import StandIn
 
 import mpm
 from robosim.studies.verification.cases.case import Cost, make_record
-from robosim.studies.verification.cases.fluid import lock_gate
+from robosim.studies.verification.stability import field
 from robosim.studies.verification.stability.field import AXES, run_cell
 from robosim.studies.verification.stability_report import stability
 
@@ -34,11 +34,11 @@ def test_steps_above_the_bound_are_refused_with_both_numbers(number: float) -> N
 
 
 def test_a_plate_must_stay_within_the_bands_of_its_case(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = lock_gate.measure
+    whole = field.lock_gate
     for errors, verdict in (({"force": 0.01, "torque": 0.02, "crossed": 0.0}, "stable"),
                             ({"force": -0.05, "torque": 0.02, "crossed": 0.1}, "unstable")):
-        record = make_record([Cost(1, 1, 1.0)], errors, {})
-        monkeypatch.setattr(lock_gate, "measure", replace(whole, simulate=lambda record=record, **choices: record))
+        record = make_record([Cost(1, 1, 1.0)], errors)
+        monkeypatch.setattr(field, "lock_gate", replace(whole, simulate=lambda record=record, **choices: record))
         result = run_cell("shell_thickness", 0.5)
         assert result.verdict == verdict
     assert result.reason == "force off by -5.00%, crossed off by 10.00%"

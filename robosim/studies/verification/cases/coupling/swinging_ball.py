@@ -1,10 +1,4 @@
-"""Ball of 8 cells across in a closed box of water: a pendulum, or held at rest, solid or an empty shell.
-
-Measured: damping ratio and relative error of the frequency of the pendulum; relative error of the thrust on a ball that
-is held. Reference: a sphere of radius a that moves in still water carries C = 3 / (2 (1 + s)) - 1 of the mass that it
-displaces, with s the velocity that its images in the walls give to its place, relative to its own (Lamb 1932, section
-99: 1/2 in unbounded water); Archimedes' principle.
-"""
+"""Ball in a closed box of water: a pendulum, or held at rest."""
 
 from typing import Literal
 
@@ -75,14 +69,16 @@ def boundary_layer_damping(frequency: float, carried: float, viscosity: float = 
     expectations=(Within("damping", 0.08, {"ball": "pendulum"}), Within("frequency", 0.03, {"ball": "pendulum"}),
                   *(Within("thrust", 0.03, {"ball": ball}) for ball in ("solid", "shell"))),
     main_error="thrust")
-def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: float = 0.005,
-            volume_rate: Literal["particle", "cell"] = "particle", transfer_interval: float | None = None,
-            face_cells: float = SHELL_FACE, host_step: float = HOST_STEP, precision: str = "f32") -> Record:
-    """Run the case; return the errors of damping and frequency, or of the thrust of a ball that is held.
+def swinging_ball(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: float = 0.005,
+                  volume_rate: Literal["particle", "cell"] = "particle", transfer_interval: float | None = None,
+                  face_cells: float = SHELL_FACE, host_step: float = HOST_STEP, precision: str = "f32") -> Record:
+    """Ball of 8 cells across in a closed box of water: a pendulum, or held at rest, solid or an empty shell.
 
-    cell [m]; volume_rate: see `mpm.NewtonianFluid`; transfer_interval: see `mpm.Solver` [s].
-    face_cells: of the shell, see `mpm.Shell.from_mesh`. host_step: of the pendulum's MuJoCo model [s]; a stride is not
-    longer, as it ends with an advance.
+    Measured: damping ratio and relative error of the frequency of the pendulum; relative error of the thrust on a ball
+    that is held. Reference: a sphere of radius a that moves in still water carries C = 3 / (2 (1 + s)) - 1 of the mass
+    that it displaces, with s the velocity that its images in the walls give to its place, relative to its own (Lamb
+    1932, section 99: 1/2 in unbounded water). host_step: of the pendulum's MuJoCo model [s]; a stride is not longer, as
+    it ends with an advance.
     """
     middle = np.full(3, WIDTH / 2)
     if ball == "pendulum":
@@ -93,33 +89,31 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     displaced = 4 / 3 * np.pi * RADIUS**3
     volume = (WIDTH**3 - displaced) / len(positions)
     water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY, volume_rate=volume_rate)
-    pose = mpm.Pose(middle, UPRIGHT)
-    held = {"pendulum": [], "solid": [mpm.Collider(mpm.Sdf.sphere(RADIUS), friction=0.0, pose=pose)],
-            "shell": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2),
-                                                       THICKNESS, face_cells=face_cells), friction=0.0, pose=pose)]}
+    held = []
+    if ball != "pendulum":
+        shape = mpm.Sdf.sphere(RADIUS) if ball == "solid" else mpm.Shell.from_mesh(
+            trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2), THICKNESS, face_cells=face_cells)
+        held = [mpm.Collider(shape, friction=0.0, pose=mpm.Pose(middle, UPRIGHT))]
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, WIDTH), cell), walls=mpm.Walls.all("roller"),
-                        precision=precision, colliders=held[ball], transfer_interval=transfer_interval,
+                        precision=precision, colliders=held, transfer_interval=transfer_interval,
                         bodies=[mpm.Body(water, positions, volume=volume)])
     load_pressure(solver, water, WIDTH - positions[:, 2])
     timed = TimedSolver(solver)
     if ball == "pendulum":
-        errors, readings = _swing(timed, displaced, host_step)
-    else:
-        timed.settle(SETTLING)
-        impulses = []
-        for _ in range(100):
-            timed.advance(HOST_STEP)
-            impulses.append(solver.collider_impulse(0).force[2])
-        thrust = np.mean(impulses) / HOST_STEP
-        errors = {"thrust": thrust / (DENSITY * G * displaced) - 1}
-        readings = {"ripple": float(np.std(impulses) / HOST_STEP / (DENSITY * G * displaced))}
-    return timed.record(errors, **readings)
+        return _swing(timed, displaced, host_step)
+    timed.settle(SETTLING)
+    impulses, weight = [], DENSITY * G * displaced
+    for _ in range(100):
+        timed.advance(HOST_STEP)
+        impulses.append(solver.collider_impulse(0).force[2])
+    return timed.record({"thrust": np.mean(impulses) / HOST_STEP / weight - 1},
+                        ripple=np.std(impulses) / HOST_STEP / weight)
 
 
-def _swing(timed: TimedSolver, displaced: float, host_step: float) -> tuple[dict[str, float], dict[str, float]]:
+def _swing(timed: TimedSolver, displaced: float, host_step: float) -> Record:
     """Release a pendulum that displaces so much water [m^3], until it has swung to the other side.
 
-    host_step: of MuJoCo [s]. Return the errors of damping and frequency, and readings.
+    host_step: of MuJoCo [s].
     """
     mass = DENSITY_RATIO * DENSITY * displaced
     scene = one_body(f'type="sphere" pos="0 0 -{LENGTH}" size="{RADIUS}" mass="{mass}" friction="0"',
@@ -142,11 +136,10 @@ def _swing(timed: TimedSolver, displaced: float, host_step: float) -> tuple[dict
         timed.run(plugin.step)
         angles.append(float(data.qpos[0]))
     frequency, damping = half_swing(np.array(angles), host_step)
-    return {"damping": damping, "frequency": frequency / expected - 1}, {
-        "expected": float(expected), "added_mass": added_mass(RADIUS, WIDTH),
-        "added_mass_found": float((stiffness / frequency**2 - 0.4 * mass * RADIUS**2) / LENGTH**2 - mass)
-        / (DENSITY * displaced),
-        "viscous_damping": boundary_layer_damping(expected, carried)}
+    found = (stiffness / frequency**2 - 0.4 * mass * RADIUS**2) / LENGTH**2 - mass
+    return timed.record({"damping": damping, "frequency": frequency / expected - 1}, expected=expected,
+                        added_mass=added_mass(RADIUS, WIDTH), added_mass_found=found / (DENSITY * displaced),
+                        viscous_damping=boundary_layer_damping(expected, carried))
 
 
 def half_swing(x: np.ndarray, step: float) -> tuple[float, float]:

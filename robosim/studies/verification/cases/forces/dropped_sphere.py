@@ -1,8 +1,4 @@
-"""Sphere dropped into a bed of sand, a free rigid body; a quarter of it is computed.
-
-Measured: relative error of the depth at which it stops, and the powers of drop and density in it. Reference: the law of
-Uehara et al. (2003) for dry grains, d = 0.14 / mu (rho_b / rho_g)^(1/2) D^(2/3) H^(1/3), H from the start to the end.
-"""
+"""Sphere dropped into a bed of sand."""
 
 import math
 
@@ -27,23 +23,22 @@ AT_REST = 5e-3
 """Speed [m/s] below which the ball has stopped."""
 
 
-def predict(drop: float, density_ratio: float, mu: float, diameter: float = DIAMETER) -> float:
+def predict(drop: float, density_ratio: float, mu: float) -> float:
     """Return the final depth [m] by Uehara's law for a free drop [m], to which the depth itself is added."""
     law = read_reference("impact")
-    powers = law["exponents"]
-    depth = drop
+    powers, depth = law["exponents"], drop
     for _ in range(60):  # contracts: the power of the whole drop is below 1
-        depth = law["prefactor"] / mu * density_ratio ** powers["density"] * diameter ** powers["diameter"] \
+        depth = law["prefactor"] / mu * density_ratio ** powers["density"] * DIAMETER ** powers["diameter"] \
             * (drop + depth) ** powers["drop"]
     return depth
 
 
-def predict_by_force(drop: float, density_ratio: float, mu: float, diameter: float = DIAMETER) -> float:
+def predict_by_force(drop: float, density_ratio: float, mu: float) -> float:
     """Return the final depth [m] by the force law of Katsuragi and Durian, m a = m g - k z - m v^2 / d1."""
     law = read_reference("impact")["force_law"]
-    d1 = law["d1"] * diameter * density_ratio / mu
-    k = law["k"] * mu / math.sqrt(density_ratio) * G / diameter  # per mass
-    z = np.linspace(0.0, 40 * diameter, 40001)
+    d1 = law["d1"] * DIAMETER * density_ratio / mu
+    k = law["k"] * mu / math.sqrt(density_ratio) * G / DIAMETER  # per mass
+    z = np.linspace(0.0, 40 * DIAMETER, 40001)
     fade = np.exp(-2 * z / d1)
     energy = G * drop * fade + (G * d1 / 2 + k * d1**2 / 4) * (1 - fade) - k * d1 * z / 2
     return float(z[np.argmax(energy < 0)])
@@ -54,9 +49,8 @@ def compare(records: list[Record]) -> list[Comparison]:
     measured: dict[str, list] = {}
     for record in records:
         label = record.label("friction_deg", "cell", "stiffness")
-        measured.setdefault(label, []).append((
-            record.readings["expected"], record.readings["stopped"],
-            f"{label}, {record.label('drop', 'density_ratio')}"))
+        measured.setdefault(label, []).append((record.readings["expected"], record.readings["stopped"],
+                                               f"{label}, {record.label('drop', 'density_ratio')}"))
     law = read_reference("impact")
     return [Comparison(title="depth of dropped spheres", x="Uehara's law [m]", y="measured [m]", measured=measured,
                        line=((0.01, 0.01), (0.1, 0.1)), uncertainty=law["uncertainty"], is_relative=True,
@@ -75,12 +69,13 @@ def compare(records: list[Record]) -> list[Comparison]:
                   Power("stopped", "fallen", 0.25, 0.41, {**USUAL, "density_ratio": 5.1}),
                   Power("scaled_depth", "ratio", 0.38, 0.62, {**USUAL, "drop": 0.1})),
     main_error="depth", resolution="cell", compare=compare)
-def measure(*, drop: float = 0.1, density_ratio: float = 5.1, friction_deg: float = 24.0, cell: float = 0.005,
-            stiffness: float = E, contact: Contact = "touching", precision: str = "f32") -> Record:
-    """Run the case; return the relative error of the depth.
+def dropped_sphere(*, drop: float = 0.1, density_ratio: float = 5.1, friction_deg: float = 24.0, cell: float = 0.005,
+                   stiffness: float = E, contact: Contact = "touching", precision: str = "f32") -> Record:
+    """Sphere dropped into a bed of sand, a free rigid body; a quarter of it is computed.
 
-    drop: free fall [m]; density_ratio: of ball to bed, 5.1 for steel; friction_deg: whose tangent the sand carries in
-    simple shear; cell [m]; stiffness: Young's modulus [Pa]; contact: see `mpm.Solver`.
+    Measured: relative error of the depth at which it stops, and the powers of drop and density in it. Reference: for
+    dry grains d = 0.14 / mu (rho_b / rho_g)^(1/2) D^(2/3) H^(1/3), H from the start to the end. drop: free fall [m];
+    density_ratio: of ball to bed, 5.1 for steel.
     """
     sand, mu = make_sand(friction_deg, stiffness), math.tan(math.radians(friction_deg))
     width, height = (math.ceil(part * DIAMETER / cell) * cell for part in BED)

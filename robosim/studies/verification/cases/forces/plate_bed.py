@@ -28,8 +28,11 @@ SPEED = 0.2
 """[m/s]: the pressure of inertia, density * speed^2, is some 0.1 % of the pressure on the plate."""
 WINDOW = 5e-3
 """Time [s] over which forces are averaged."""
-STRIP_BED, SQUARE_BED = (12.0, 0.0, 6.0), (8.0, 3.0, 5.0)
-"""Length, half width and height of the bed in lengths of the plate; one bed for all directions compiles once."""
+UNIT_WEIGHT = DENSITY * G
+"""[N/m^3]"""
+BEDS = {False: (12.0, 0.0, 6.0), True: (8.0, 3.0, 5.0)}
+"""Length, half width and height of the bed in lengths of a strip, and of a square plate; one bed for all directions
+compiles once."""
 
 
 class Pushed(NamedTuple):
@@ -64,18 +67,6 @@ def make_sand(friction_deg: float = FRICTION_DEG, stiffness: float = E, law: str
                              friction_angle_deg=math.degrees(math.asin(ratio)))
 
 
-def plate_mesh(length: float, width: float) -> trimesh.Trimesh:
-    """Make a rectangle of 2 triangles about the origin, in the plane z = 0. length [m] along x, width [m] along y."""
-    x, y = length / 2, width / 2
-    return trimesh.Trimesh([[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]], [[0, 1, 2], [0, 2, 3]], process=False)
-
-
-def attitude(beta_deg: float) -> np.ndarray:
-    """Return the quaternion (w, x, y, z) of a plate that rises by beta [deg] towards +x."""
-    half = -0.5 * math.radians(beta_deg)
-    return np.array([math.cos(half), 0.0, math.sin(half), 0.0])
-
-
 @dataclass(frozen=True, kw_only=True)
 class Plate:
     """A plate, and the straight way on which it is driven through a bed."""
@@ -102,22 +93,25 @@ class Plate:
 def push(sand: mpm.DruckerPrager | DenseSand, plate: Plate) -> Pushed:
     """Drive a plate through a bed of sand (`make_sand`); return the stresses that it met."""
     cell, side, square, travel, speed = plate.cell, plate.side, plate.square, plate.travel, plate.speed
-    gamma = math.radians(plate.gamma_deg)
+    gamma, tilt = math.radians(plate.gamma_deg), -0.5 * math.radians(plate.beta_deg)
     course = np.array([math.cos(gamma), 0.0, -math.sin(gamma)])
-    room = plate.bed or [part * side for part in (SQUARE_BED if square else STRIP_BED)]
+    room = plate.bed or [part * side for part in BEDS[square]]
     length, half, height = (_whole(part, cell) for part in room)
     width = half if square else cell
     positions = mpm.sample_box((0, 0, 0), (length, width, height), cell / 2)
     volume = length * width * height / len(positions)
     begin = np.array([0.5 * (length - travel * course[0]), 0.0 if square else width / 2, height - plate.start_depth])
-    shell = mpm.Collider(mpm.Shell.from_mesh(plate_mesh(side, side if square else 4 * width), 0.5 * cell),
-                         friction=plate.friction, pose=mpm.Pose(begin, attitude(plate.beta_deg)))
+    x, y = side / 2, (side if square else 4 * width) / 2
+    mesh = trimesh.Trimesh([[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]], [[0, 1, 2], [0, 2, 3]], process=False)
+    attitude = np.array([math.cos(tilt), 0.0, math.sin(tilt), 0.0])
+    shell = mpm.Collider(mpm.Shell.from_mesh(mesh, 0.5 * cell), friction=plate.friction,
+                         pose=mpm.Pose(begin, attitude))
     sides = "slip" if square else "periodic"
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (length, width, height + _whole(side, cell)), cell), precision=plate.precision,
-        colliders=[shell],
+        colliders=[shell], bodies=[resting_body(sand, positions, volume)], gravity=(0, 0, -G),
         walls=mpm.Walls(lower=("slip", "roller" if square else sides, "friction"), upper=("slip", sides, "slip")),
-        bodies=[resting_body(sand, positions, volume)], gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
+        dt=courant_step(0.5, cell, sand))
     timed = TimedSolver(solver)
     timed.settle(0.04)
     area = side * (side / 2 if square else width)

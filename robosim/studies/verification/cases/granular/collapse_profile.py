@@ -1,51 +1,20 @@
-"""Deposits of collapsed round columns of sand: depth over radius, for columns of 0.5 to 4 radii.
-
-Measured: relative errors of run-out and height, the volume between the profile and the reference's over the column's,
-the mean compression, creep and the rms velocity at the end. Reference: the fits of Lube et al. (2004); their rim, their
-height and the column's volume determine the shape of the profile that is drawn (`deposit.closed_depths`), which is no
-measurement. The run-out is taken where the deposit is 1 % of the column's radius thick; a second error takes the radius
-that holds 99 % of the particles.
-
-Particles that have come to rest sleep, and then have no velocity. Therefore the state at the end is continued without
-sleeping twice, each time for a tenth of the run: as it is ("woken"), and after kinetic damping for as long ("settled"),
-which takes elastic vibration away and leaves a deposit that is in equilibrium where it is; `settlement` is the rms
-displacement meanwhile, in column radii.
-
-Three laws: sand denser than critical (`dense_sand`), Drucker-Prager and mu(I). Their parameters are not fitted to any
-collapse.
-"""
+"""Deposits of collapsed round columns of sand: depth over radius."""
 
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 import mpm
 from robosim.base.errors import UnknownName
-from robosim.scene.settle import settle
-from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.columns import fill_column, rim
+from robosim.studies.verification.cases.beds import courant_step, rms
 from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.dense_sand import DenseSand, dense_sand
 from robosim.studies.verification.cases.expectations import Approach, Within
-from robosim.studies.verification.cases.granular.column_collapse import (
-    ANGLES_DEG,
-    DENSITY,
-    NU,
-    RADIUS,
-    G,
-    crest,
-    fill,
-    rim,
-)
-from robosim.studies.verification.cases.granular.deposit import (
-    closed_depths,
-    find_rim,
-    find_summit,
-    measure_profile,
-    profile_difference,
-    volume_of,
-)
+from robosim.studies.verification.cases.granular.column import ANGLES_DEG, DENSITY, NU, RADIUS, G, crest
 
 SHORT, CELLS, FINE, FINEST = (0.5, 1.0, 2.0), (12, 16, 24), 24, 32
 """Columns that are claimed in full, height over radius; cells per radius of their runs, of the claims on errors, and of
@@ -63,15 +32,12 @@ LAST = 0.1
 """Last share of the run, over which the creep is taken; as long are the continuations after it."""
 READINGS = 20
 """Readings of the velocity in this time."""
-SETTLING_WINDOW = 2e-3
-"""[s], see `settle`."""
-HELD = 0.99
-"""Share of the particles inside the rim by the second definition."""
-
-
-def source_time(a: float) -> float:
-    """Return the time [s] after which the source's deposit is at rest."""
-    return 3.0 * math.sqrt(a * RADIUS / G)
+RING = 0.1
+"""Width of a ring of the profile, in column radii."""
+THIN = 0.01
+"""Depth at which the deposit ends, in column radii: 1 mm for a column of 0.1 m, some two grains of sand."""
+TOP = 0.5
+"""Radius within which a straight line through the depths leads to the summit, in column radii."""
 
 
 def make_law(law: str, E: float, relative_density: float) -> mpm.DruckerPrager | DenseSand:
@@ -109,15 +75,15 @@ class Collapse:
     courant: float = 0.5
     precision: str = "f32"
     duration: float | None = None
-    """[s]; None: LONGER times the source's time."""
+    """[s]; None: LONGER times the source's time, after which its deposit is at rest."""
 
 
 def build(run: Collapse, sleep: float) -> mpm.Solver:
     """Return a quarter of the column before its release."""
     a, cell = run.a, RADIUS / run.cells
     sand = make_law(run.law, run.E * max(a, 1.0), run.relative_density)
-    grains = fill(a, cell, run.per_cell, quarter=True)
-    volume, room = math.pi * RADIUS**3 * a / 4 / len(grains), math.ceil(1.6 * rim(a) / cell) * cell
+    grains = fill_column(RADIUS, a * RADIUS, cell, np.random.default_rng(0), per_cell=run.per_cell)
+    volume, room = math.pi * RADIUS**3 * a / 4 / len(grains), math.ceil(1.6 * rim(RADIUS, a) / cell) * cell
     return mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (room, room, 1.2 * a * RADIUS + 3 * cell), cell),
         walls=mpm.Walls(friction=run.floor, lower=("roller", "roller", "friction")),
@@ -125,34 +91,84 @@ def build(run: Collapse, sleep: float) -> mpm.Solver:
         sleep=sleep or False, transfer_interval=None if run.strides else 0.0, dt=courant_step(run.courant, cell, sand))
 
 
-class Motion(NamedTuple):
-    """Motion of a deposit during a time."""
-
-    creep: float
-    """Rms displacement over the time [m/s]."""
-    drift: float
-    """Largest rms velocity [m/s]."""
-
-
-def observe(solver: mpm.Solver, duration: float) -> Motion:
-    """Advance by `duration` [s]; return the motion meanwhile."""
+def observe(solver: mpm.Solver, duration: float) -> tuple[float, float]:
+    """Advance by `duration` [s]; return the rms displacement over the time, and the largest rms velocity [m/s]."""
     before, fastest = solver.positions(), 0.0
     for _ in range(READINGS):
         solver.advance(duration / READINGS)
         fastest = max(fastest, rms(solver.velocities()))
-    return Motion(rms(solver.positions() - before) / duration, fastest)
+    return rms(solver.positions() - before) / duration, fastest
 
 
-def rms(vectors: np.ndarray) -> float:
-    """Return the root of the mean square of the lengths of vectors (n, 3)."""
-    return float(np.sqrt((vectors**2).sum(1).mean()))
+class Profile(NamedTuple):
+    """Depth of a deposit over the radius; lengths are in column radii."""
+
+    radii: np.ndarray
+    """(n,) middles of the rings."""
+    depths: np.ndarray
+    """(n,) volume over area of each ring."""
+
+
+def measure_profile(radii: np.ndarray, volumes: np.ndarray, share: float = 1.0) -> Profile:
+    """Return the profile of particles, up to one empty ring.
+
+    radii (n,): of the particles, in column radii. volumes (n,): in cubes of the column's radius. share: of the whole
+    round that the particles fill, 0.25 for a quarter.
+    """
+    edges = np.arange(math.floor(radii.max() / RING) + 3) * RING
+    areas = share * math.pi * np.diff(edges**2)
+    return Profile(edges[:-1] + RING / 2, np.histogram(radii, edges, weights=volumes)[0] / areas)
+
+
+def find_rim(profile: Profile, thin: float = THIN) -> float:
+    """Return the outermost radius at which the depth is `thin`, by a straight line between rings."""
+    r, h = profile
+    k = int(np.flatnonzero(h >= thin)[-1])
+    return float(r[k] + (h[k] - thin) / (h[k] - h[k + 1]) * RING)
+
+
+def find_summit(profile: Profile) -> float:
+    """Return the depth at the axis, by a straight line through the rings inside TOP."""
+    inner = profile.radii < TOP
+    return float(np.polyfit(profile.radii[inner], profile.depths[inner], 1)[1])
+
+
+def volume_of(profile: Profile) -> float:
+    """Return the volume of the round deposit, in cubes of the column's radius."""
+    return float(np.sum(2 * math.pi * profile.radii * profile.depths) * RING)
+
+
+def profile_difference(profile: Profile, reference: np.ndarray) -> float:
+    """Return the volume between a profile and reference depths (n,) at its radii, over that of the reference.
+
+    The profile is scaled to the reference's volume first, so that its own expansion does not count.
+    """
+    area = 2 * math.pi * profile.radii * RING
+    scale = float(np.sum(area * reference)) / volume_of(profile)
+    return float(np.sum(area * np.abs(scale * profile.depths - reference)) / np.sum(area * reference))
+
+
+def closed_depths(radii: np.ndarray, summit: float, rim: float, volume: float) -> np.ndarray:
+    """Return depths (n,) of the profile that summit, rim and volume determine, all in column radii.
+
+    It is summit (1 - r / rim)^n, or a cone with a flat top where the volume is more than a cone's. Raises ValueError
+    for a volume above that of a cylinder.
+    """
+    if not 0.0 < volume < math.pi * rim**2 * summit:
+        raise ValueError(f"volume {volume:g}; accepted: above 0, below {math.pi * rim**2 * summit:g}")
+    # volume = 2 pi summit rim^2 / ((n + 1) (n + 2))
+    power = (math.sqrt(1.0 + 8.0 * math.pi * summit * rim**2 / volume) - 3.0) / 2.0
+    if power >= 1.0:
+        return summit * np.clip(1.0 - radii / rim, 0.0, 1.0) ** power
+    top = brentq(lambda c: math.pi * summit * (rim**2 + rim * c + c * c) / 3.0 - volume, 0.0, rim)
+    return summit * np.clip((rim - radii) / (rim - float(top)), 0.0, 1.0)  # pyright: ignore[reportArgumentType]
 
 
 def compare(records: list[Record]) -> list[Comparison]:
     """Return depth over radius for each height of the column, beside the reference's closed profile."""
     comparisons = []
     for a in sorted({float(record.choices["a"] or 0.0) for record in records}):
-        end, top = rim(a) / RADIUS, crest(a) / RADIUS
+        end, top = rim(RADIUS, a) / RADIUS, crest(a) / RADIUS
         line = np.linspace(0.0, end, 60)
         series = {}
         for record in (r for r in records if r.choices["a"] == a):
@@ -198,9 +214,25 @@ def compare(records: list[Record]) -> list[Comparison]:
                   *(Within(name, 1e-3, {**_USUAL, "sleep": 0.0}) for name in MOTIONS)),
     main_error="profile", resolution="cells", units={name + when: "m/s" for name in MOTIONS for when in WHENS},
     compare=compare, options=Collapse)
-def measure(run: Collapse) -> Record:
-    """Run the case; return the errors of run-out, height and profile."""
-    a, duration, solver = run.a, run.duration or LONGER * source_time(run.a), build(run, run.sleep)
+def collapse_profile(run: Collapse) -> Record:
+    """Deposits of collapsed round columns of sand: depth over radius, for columns of 0.5 to 4 radii.
+
+    Measured: relative errors of run-out and height, the volume between the profile and the reference's over the
+    column's, the mean compression, creep and the rms velocity at the end. The source's rim, its height and the column's
+    volume determine the shape of the profile that is drawn (`closed_depths`), which is no measurement. The run-out is
+    taken where the deposit is 1 % of the column's radius thick; a second error takes the radius that holds 99 % of the
+    particles.
+
+    Particles that have come to rest sleep, and then have no velocity. Therefore the state at the end is continued
+    without sleeping twice, each time for a tenth of the run: as it is ("woken"), and after kinetic damping for as long
+    ("settled"), which takes elastic vibration away and leaves a deposit that is in equilibrium where it is;
+    `settlement` is the rms displacement meanwhile, in column radii.
+
+    Three laws: sand denser than critical (`dense_sand`), Drucker-Prager and mu(I). Their parameters are not fitted to
+    any collapse.
+    """
+    a, solver = run.a, build(run, run.sleep)
+    duration = run.duration or LONGER * 3.0 * math.sqrt(a * RADIUS / G)
     timed = TimedSolver(solver)
     timed.advance((1 - LAST) * duration)
     before = solver.positions()
@@ -210,11 +242,11 @@ def measure(run: Collapse) -> Record:
     # of what dense sand dilated; beyond its room, and in the other laws, grains are apart
     growth = np.minimum(state["vc"].ravel(), getattr(solver.bodies[0].material, "room", 0.0))
     profile = measure_profile(radii, math.pi * a / 4 / len(x) * np.exp(growth), share=0.25)
-    end, top = rim(a) / RADIUS, crest(a) / RADIUS
+    end, top = rim(RADIUS, a) / RADIUS, crest(a) / RADIUS
     edge, summit = find_rim(profile), find_summit(profile)
     reference = closed_depths(profile.radii, top, end, math.pi * a)
     errors = {"run-out": (edge - 1) / (end - 1) - 1,
-              "run-out of 99 %": (np.quantile(radii, HELD) - 1) / (end - 1) - 1, "height": summit / top - 1,
+              "run-out of 99 %": (np.quantile(radii, 0.99) - 1) / (end - 1) - 1, "height": summit / top - 1,
               "profile": profile_difference(profile, reference),
               "compression": solver.densities().mean() / DENSITY - 1,
               "creep": rms(x - before) / (LAST * duration), "drift": rms(solver.velocities())}
@@ -223,7 +255,7 @@ def measure(run: Collapse) -> Record:
     if run.sleep:
         errors["creep, woken"], errors["drift, woken"] = observe(awake, LAST * duration)
     before = awake.positions()
-    settle(awake, awake.advance, LAST * duration, SETTLING_WINDOW)
+    TimedSolver(awake).settle(LAST * duration)
     settlement = rms(awake.positions() - before) / RADIUS
     errors["creep, settled"], errors["drift, settled"] = observe(awake, LAST * duration)
     depths = {f"depth at {r:.2f}": h for r, h in zip(*profile)}

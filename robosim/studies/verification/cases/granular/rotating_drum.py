@@ -1,12 +1,4 @@
-"""Slowly rotating drum, partly full of sand: the slope of the surface over which sand flows down all the time.
-
-Measured: difference [deg] of the slope from the angle that the sand carries in simple shear, by the surface between the
-outer quarters of its chord and by the direction of the centre of mass; the slope's change in time; the drum's torque
-over the weight's; the sand's volume below the surface over that at the start; and the share of the sand that is outside
-the drum. Reference: a layer that flows steadily along a uniform slope has tau / sigma_n = tan(slope) at every depth,
-which in sand without an effect of rate is the ratio m3 of simple shear (see `slope`); the balance of moments; and sand
-that neither dilates nor contracts. The drum is one cell thick and turns about the y axis.
-"""
+"""Slowly rotating drum, partly full of sand."""
 
 import math
 
@@ -15,10 +7,10 @@ import numpy as np
 import mpm
 from mpm.backend import ti
 from mpm.geometry.shape import Shape
-from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.beds import SMOOTH_SLICE, courant_step
 from robosim.studies.verification.cases.case import Record, TimedSolver, case
 from robosim.studies.verification.cases.expectations import Ratio, each_within
-from robosim.studies.verification.cases.granular.slope import shear_ratio
+from robosim.studies.verification.cases.granular.slopes import shear_ratio
 
 _USUAL = {"friction_deg": 30.0, "froude": 4e-3, "wall_friction": 1.0}
 RADIUS, DENSITY, NU, G, E = 0.1, 1500.0, 0.3, 9.81, 1e5
@@ -79,12 +71,17 @@ def share_of(level: float) -> float:
                   *each_within({"change": 1.5, "torque": 0.03, "volume": 0.02, "outside": 0.0}),
                   *(Ratio("inclination", "fill", (0.5, f), 0.95, 1.05, {**_USUAL, "cells": 16}) for f in (0.35, 0.65))),
     main_error="slope", resolution="cells", units={"slope": "deg", "slope by mass": "deg", "change": "deg"})
-def measure(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 30.0, froude: float = 4e-3,
-            wall_friction: float = 1.0) -> Record:
-    """Run the case; return the differences of the slope [deg] and the error of the torque.
+def rotating_drum(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 30.0, froude: float = 4e-3,
+                  wall_friction: float = 1.0) -> Record:
+    """Slowly rotating drum, partly full of sand: the slope of the surface over which sand flows down all the time.
 
-    cells: over the radius; fill: share of the drum; friction_deg: whose tangent the sand carries in simple shear;
-    froude: angular velocity^2 x radius / gravity; wall_friction: coefficient.
+    Measured: difference [deg] of the slope from the angle that the sand carries in simple shear, by the surface between
+    the outer quarters of its chord and by the direction of the centre of mass; the slope's change in time; the drum's
+    torque over the weight's; the sand's volume below the surface over that at the start; and the share of the sand that
+    is outside the drum. Reference: a layer that flows steadily along a uniform slope has tau / sigma_n = tan(slope) at
+    every depth, which in sand without an effect of rate is the ratio m3 of simple shear (see `slope`); and sand that
+    neither dilates nor contracts. The drum is one cell thick and turns about the y axis. cells: over the radius; fill:
+    share of the drum; froude: angular velocity^2 x radius / gravity; wall_friction: coefficient.
     """
     cell = RADIUS / cells
     phi = math.degrees(math.asin(math.tan(math.radians(friction_deg))))
@@ -97,7 +94,7 @@ def measure(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 30.0, f
     drum = mpm.Collider(Drum(RADIUS, WALL * cell), friction=wall_friction)
     solver = mpm.Solver(
         grid=mpm.Grid((-half, 0, -half), (half, cell, half), cell), colliders=[drum], precision="f32",
-        walls=mpm.Walls(lower=("slip", "periodic", "slip"), upper=("slip", "periodic", "slip")),
+        walls=SMOOTH_SLICE,
         bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
     timed = TimedSolver(solver)
     timed.settle(0.05)
@@ -118,10 +115,9 @@ def measure(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 30.0, f
     first, second = np.array_split(slopes, 2)
     errors = {"slope": slopes.mean() - limit, "slope by mass": by_mass.mean() - limit,
               "change": second.mean() - first.mean(), "torque": torques.mean() / moments.mean() - 1,
-              "volume": volumes[-LOOKS // 4:].mean() / before - 1,
-              "outside": outside.max()}
-    return timed.record(errors, inclination=slopes.mean(), limit=limit, spread=slopes.std(),
-                        torque=torques.mean(), moment=moments.mean())
+              "volume": volumes[-LOOKS // 4:].mean() / before - 1, "outside": outside.max()}
+    return timed.record(errors, inclination=slopes.mean(), limit=limit, spread=slopes.std(), torque=torques.mean(),
+                        moment=moments.mean())
 
 
 def turned_by(angle: float) -> mpm.Pose:

@@ -1,21 +1,14 @@
-"""Sleeping particles against the same scene awake: what sleeping costs in accuracy, and what it saves.
-
-Scenes: a column that collapses; a ball that ploughs a bed, comes back after `pause` seconds and ploughs it again; a
-block that slides on a floor without friction at 0.1 mm/s, slower than what counts as rest at the default: it is frozen
-there, and not with a tenth of the thresholds; a heap on a plate that vibrates. Reference: the same scene with
-sleep=False, run in the same process. Errors are relative to the reading of the scene that is awake.
-"""
+"""Sleeping particles against the same scene awake."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.beds import UPRIGHT
+from robosim.studies.verification.cases.beds import UPRIGHT, fill_box
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within
-from robosim.studies.verification.cases.granular.column_collapse import RADIUS, Column, build_column
+from robosim.studies.verification.cases.granular.column import Column, build_column, measure_deposit
 
 SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
 CELL, STEP = 0.01, 0.01
@@ -28,23 +21,13 @@ MIDDLE = np.array([0.08, 0.08, -CELL])
 """Of the plate that vibrates, at rest."""
 
 
-class Outcome(NamedTuple):
-    """What a scene came to."""
-
-    timed: TimedSolver
-    readings: dict[str, float]
-    unaccounted: float
-    """Momentum that the ledger lacks, of the largest sum of what was exchanged in a step."""
-    awake: float
-    """Share of the particles that was awake, on average."""
-
-
 class Watch:
-    """Advances a solver, and sums what the ledger lacks and who is awake."""
+    """Advances a solver, and sums what the ledger lacks and who is awake; has a scene's readings at its end."""
 
     def __init__(self, solver: mpm.Solver) -> None:
         self.timed, self.solver = TimedSolver(solver), solver
         self.lacking, self.exchanged, self.shares = 0.0, 0.0, []
+        self.readings = dict[str, float]()
 
     def advance(self, duration: float) -> None:
         """Advance by `duration` [s]."""
@@ -56,34 +39,30 @@ class Watch:
         self.exchanged = max(self.exchanged, float(np.abs(self.solver.ledger).max()))
         self.shares.append(float(self.solver.awake.mean()))
 
-    def outcome(self, **readings: float) -> Outcome:
-        """Return what the scene came to."""
-        return Outcome(self.timed, readings, self.lacking / self.exchanged, float(np.mean(self.shares)))
+    def read(self, **readings: float) -> "Watch":
+        """Take over readings; return this."""
+        self.readings = readings
+        return self
 
 
-def collapse(sleep: float, pause: float) -> Outcome:
+def collapse(sleep: float, pause: float) -> Watch:
     """Release a column; measure the rim and the crest of its deposit after 1.5 s."""
-    solver = build_column(Column(cells=12), sleep or False)
-    watch = Watch(solver)
+    watch = Watch(build_column(Column(cells=12), sleep or False))
     for _ in range(150):
         watch.advance(STEP)
-    positions = solver.positions()
-    radii = np.hypot(*positions[:, :2].T)
-    return watch.outcome(rim=float(np.quantile(radii, 0.99)),
-                         crest=float(np.quantile(positions[radii < 0.2 * RADIUS, 2], 0.99)))
+    rim, crest, _ = measure_deposit(watch.solver)
+    return watch.read(rim=rim, crest=crest)
 
 
-def plough(sleep: float, pause: float) -> Outcome:
+def plough(sleep: float, pause: float) -> Watch:
     """Draw a ball through a bed and, after a pause above it, back through its furrow; measure the mean drag of both."""
-    surface = BED[2]
-    low, high = surface - DEPTH + BALL, surface + 4 * BALL
+    low, high = BED[2] - DEPTH + BALL, BED[2] + 4 * BALL
     left, right = 0.5 * (BED[0] - STROKE), 0.5 * (BED[0] + STROKE)
     ball = mpm.Collider(mpm.Sdf.sphere(BALL), friction=0.3,
                         pose=mpm.Pose(np.array([left, 0.5 * BED[1], high]), UPRIGHT))
-    positions = mpm.sample_box((0, 0, 0), BED, CELL / 2)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (BED[0], BED[1], 0.16), CELL), walls=mpm.Walls(friction=0.5),
-                        bodies=[mpm.Body(SAND, positions, volume=(CELL / 2) ** 3)], colliders=[ball],
-                        sleep=sleep or False, precision="f32")
+                        bodies=[fill_box(SAND, (0, 0, 0), BED, CELL)], colliders=[ball], sleep=sleep or False,
+                        precision="f32")
     watch, drags = Watch(solver), []
 
     def carry(x: float, z: float, seconds: float) -> float:
@@ -103,10 +82,10 @@ def plough(sleep: float, pause: float) -> Outcome:
         drags.append(abs(carry(end, low, STROKE / SPEED)))
         carry(end, high, (high - low) / SPEED)
         carry(end, high, pause if end == right else STEP)
-    return watch.outcome(**{"first force": drags[0], "second force": drags[1]})
+    return watch.read(**{"first force": drags[0], "second force": drags[1]})
 
 
-def creep(sleep: float, pause: float) -> Outcome:
+def creep(sleep: float, pause: float) -> Watch:
     """Let a block slide on a floor without friction for 2 s; measure its path."""
     block = mpm.sample_box((0.03, 0.02, 0.0), (0.07, 0.06, 0.02), CELL / 2)
     body = mpm.Body(mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0), block, volume=(CELL / 2) ** 3,
@@ -116,31 +95,30 @@ def creep(sleep: float, pause: float) -> Outcome:
     watch = Watch(solver)
     for _ in range(200):
         watch.advance(STEP)
-    return watch.outcome(path=float((solver.positions() - block)[:, 0].mean()))
+    return watch.read(path=float((solver.positions() - block)[:, 0].mean()))
 
 
-def vibration(sleep: float, pause: float) -> Outcome:
+def vibration(sleep: float, pause: float) -> Watch:
     """Shake a heap on a plate by 0.1 mm at 40 Hz for a second; measure its height."""
     plate = mpm.Collider(mpm.Sdf.box((0.09, 0.09, CELL)), friction=0.5, pose=mpm.Pose(MIDDLE, UPRIGHT))
-    heap = mpm.sample_box((0.05, 0.05, 0.0), (0.11, 0.11, 0.04), CELL / 2)
+    heap = fill_box(SAND, (0.05, 0.05, 0.0), (0.11, 0.11, 0.04), CELL)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, -2 * CELL), (0.16, 0.16, 0.1), CELL), colliders=[plate],
-                        bodies=[mpm.Body(SAND, heap, volume=(CELL / 2) ** 3)], sleep=sleep or False, precision="f32")
+                        bodies=[heap], sleep=sleep or False, precision="f32")
     watch = Watch(solver)
     for k in range(500):
         heights = [1e-4 * np.sin(2 * np.pi * 40 * time) for time in (2e-3 * k, 2e-3 * (k + 1))]
-        ends = [mpm.Pose(MIDDLE + [0.0, 0.0, z], UPRIGHT) for z in heights]
-        solver.set_collider_motion(0, *ends)
+        solver.set_collider_motion(0, *[mpm.Pose(MIDDLE + [0.0, 0.0, z], UPRIGHT) for z in heights])
         watch.advance(2e-3)
-    return watch.outcome(height=float(np.quantile(solver.positions()[:, 2], 0.9)))
+    return watch.read(height=float(np.quantile(solver.positions()[:, 2], 0.9)))
 
 
-RUNS: dict[str, Callable[[float, float], Outcome]] = {"collapse": collapse, "plough": plough, "creep": creep,
-                                                      "vibration": vibration}
+RUNS: dict[str, Callable[[float, float], Watch]] = {
+    "collapse": collapse, "plough": plough, "creep": creep, "vibration": vibration}
 
 
 @case(
     source="the same scene without sleeping",
-    sweep=grid(scene=("collapse", "plough", "creep", "vibration"), sleep=(0.1, 1.0, 4.0)),
+    sweep=grid(scene=tuple(RUNS), sleep=(0.1, 1.0, 4.0)),
     quick=[{"scene": "collapse"}, {"scene": "plough", "pause": 1.0}],
     # momentum that the ledger lacks, of what was exchanged, in single precision
     expectations=(*(Within(name, high, {"scene": scene, "sleep": sleep}) for name, high, scene, sleep in (
@@ -149,15 +127,17 @@ RUNS: dict[str, Callable[[float, float], Outcome]] = {"collapse": collapse, "plo
                       ("path", 0.02, "creep", 0.1), ("height", 0.01, "vibration", 1.0))),
                   Within("unaccounted", 1e-5)),
     main_error="deposit", resolution="sleep")
-def measure(*, scene: str = "collapse", sleep: float = 1.0, pause: float = 10.0) -> Record:
-    """Run a scene awake and with sleeping; return the errors of its readings.
+def sleeping(*, scene: str = "collapse", sleep: float = 1.0, pause: float = 10.0) -> Record:
+    """Sleeping particles against the same scene awake: what sleeping costs in accuracy, and what it saves.
 
-    sleep: factor on the thresholds; pause: seconds for which the plough is away.
+    Scenes: a column that collapses; a ball that ploughs a bed, comes back after `pause` seconds and ploughs it again; a
+    block that slides on a floor without friction at 0.1 mm/s, slower than what counts as rest at the default: it is
+    frozen there, and not with a tenth of the thresholds; a heap on a plate that vibrates. The reference is run in the
+    same process. Errors are relative to the reading of the scene that is awake. sleep: factor on the thresholds.
     """
     awake, asleep = RUNS[scene](0.0, pause), RUNS[scene](sleep, pause)
     errors = {name: asleep.readings[name] / value - 1.0 for name, value in awake.readings.items()}
-    errors["unaccounted"] = asleep.unaccounted
-    saved = awake.timed.seconds / asleep.timed.seconds
-    return asleep.timed.record(errors, speedup=saved,
-                               seconds_awake=awake.timed.seconds, awake_share=asleep.awake,
+    errors["unaccounted"] = asleep.lacking / asleep.exchanged
+    return asleep.timed.record(errors, speedup=awake.timed.seconds / asleep.timed.seconds,
+                               seconds_awake=awake.timed.seconds, awake_share=np.mean(asleep.shares),
                                **{f"{name} awake": value for name, value in awake.readings.items()})

@@ -1,8 +1,4 @@
-"""Scooping with the whole arm within its limits.
-
-Measured: relative excess of motor torques and joint speeds over their limits in every step, and steps in which a torque
-was saturated. Reference: the arm's data sheet.
-"""
+"""Scooping with the whole arm within its limits."""
 
 from typing import Any
 
@@ -22,11 +18,14 @@ SPEEDS = np.radians([85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0])
     source="KUKA LBR iiwa 14 R820 data sheet: torques and speeds of A1 to A7",
     sweep=grid(task=("SpoonScoop", "ScoopScoop"), material=("salt", "sugar", "flour")),
     quick=[{"task": "SpoonScoop", "material": "salt"}],
-    # torque that the servo asks for and joint speeds, beyond their limits; steps in which a torque was cut
     expectations=each_within({"torque": 0.0, "speed": 0.0, "saturated": 0.0}, low=-1.0),
     main_error="torque", units={"saturated": "steps"})
-def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
-    """Run the case on the task's scripted policy, in steps of 2 ms; return the excesses over the limits."""
+def arm_limits(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
+    """Scooping with the whole arm within its limits.
+
+    Measured: relative excess of motor torques and joint speeds over their limits in every step of 2 ms of the task's
+    scripted policy, and steps in which a torque was saturated.
+    """
     import robosim  # noqa: F401  (its environments are registered with it)
 
     env: Any = gymnasium.make(f"robosim/{task}-v0", arm=True, material=material, action_repeat=1).unwrapped

@@ -1,19 +1,17 @@
-"""Return mapping of single particles onto the Drucker-Prager cone.
-
-Measured: errors of the principal stretches after a plastic step, and for thousands of random strains the distance from
-the cone, the change of volume, and the strain left after separation. Reference: stretches evaluated in 50-digit
-arithmetic, and the equations of the cone. The strains are set in the solver's state, so that the update is the field's.
-"""
+"""Single particles: return mapping onto the Drucker-Prager cone, and paths to flow at constant volume."""
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.studies.verification.cases.case import Record, TimedSolver, case
-from robosim.studies.verification.cases.expectations import Within
-from robosim.studies.verification.cases.granular.slope import shear_ratio
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Within, each_within
+from robosim.studies.verification.cases.granular.slopes import shear_ratio
 
 E, NU, DENSITY, CELL, DT, RANDOM, SMALL = 3.537e5, 0.3, 1500.0, 0.1, 1e-5, 4000, 0.15
+PRESSURE, STEP, STEPS = 1000.0, 2e-3, {"shear": 60, "passive": 300}
+"""Pressure [Pa], strain per step, and number of steps of each path."""
 
 
 def rotation_matrix(axis: tuple[float, ...], angle: float) -> np.ndarray:
@@ -42,12 +40,16 @@ def make_sand(phi_deg: float) -> mpm.DruckerPrager:
     return mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=phi_deg)
 
 
-def build_solver(phi_deg: float, n: int, precision: str, integrator: str | None) -> mpm.Solver:
-    """Build a solver with n particles; their positions do not matter to a substep's strains."""
+def build_solver(phi_deg: float, n: int, precision: str, integrator: str | None
+                 ) -> tuple[TimedSolver, dict[str, np.ndarray]]:
+    """Build a solver with n particles, and its state at rest; positions do not matter to a substep's strains."""
     positions = np.random.default_rng(0).uniform(0.4, 0.6, (n, 3))
     body = mpm.Body(make_sand(phi_deg), positions, volume=0.2**3 / n)
-    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), CELL), bodies=[body], gravity=(0, 0, 0), dt=DT,
-                      precision=precision, integrator=integrator)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), CELL), bodies=[body], gravity=(0, 0, 0), dt=DT,
+                        precision=precision, integrator=integrator)
+    state = solver.state()
+    state["v"][:], state["C"][:] = 0.0, 0.0
+    return TimedSolver(solver), state
 
 
 def deform(timed: TimedSolver, before: dict[str, np.ndarray], F: np.ndarray) -> dict[str, np.ndarray]:
@@ -55,8 +57,7 @@ def deform(timed: TimedSolver, before: dict[str, np.ndarray], F: np.ndarray) -> 
     rate = (F - np.eye(3)) / DT
     count = {"time": np.array(timed.solver.time), "steps": np.array(timed.solver.steps)}
     rates = np.broadcast_to(rate, (len(before["x"]), 3, 3)).reshape(-1, 9)
-    state = before | count | {"C": rates.astype(before["C"].dtype)}
-    timed.solver.load(state)
+    timed.solver.load(before | count | {"C": rates.astype(before["C"].dtype)})
     timed.advance(DT)
     after = timed.solver.state()
     return before | {name: after[name] for name in ("e", "vc")}
@@ -66,7 +67,8 @@ def yielded_stretches(timed: TimedSolver, still: dict[str, np.ndarray], F: np.nd
     """Return the principal stretches (n, 3), rising, after a substep from b = F F^T."""
     e = np.broadcast_to(F @ np.swapaxes(F, -1, -2) - np.eye(3), (len(still["x"]), 3, 3))
     picked = np.stack([e[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], 1)
-    return stretches(deform(timed, still | {"e": picked.astype(still["e"].dtype)}, np.eye(3)))
+    state = deform(timed, still | {"e": picked.astype(still["e"].dtype)}, np.eye(3))
+    return np.sqrt(np.linalg.eigvalsh(tensors(state["e"])))
 
 
 def tensors(e: np.ndarray) -> np.ndarray:
@@ -74,9 +76,12 @@ def tensors(e: np.ndarray) -> np.ndarray:
     return np.eye(3) + e.astype(float)[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 
 
-def stretches(state: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the principal stretches (n, 3), rising."""
-    return np.sqrt(np.linalg.eigvalsh(tensors(state["e"])))
+def stress(law, state: dict[str, np.ndarray]) -> np.ndarray:  # noqa: ANN001
+    """Return the Cauchy stress [Pa] (3, 3) of the first particle, by Hencky's law written out here."""
+    b = tensors(state["e"])[0]
+    values, axes = np.linalg.eigh(b)
+    h = 0.5 * np.log(values)
+    return (axes * (2 * law.mu * h + law.lam * h.sum())) @ axes.T / np.sqrt(np.linalg.det(b))
 
 
 @case(
@@ -91,31 +96,29 @@ def stretches(state: dict[str, np.ndarray]) -> np.ndarray:
                   *(Within(name, high, {"precision": p}) for p, high in (("f64", 1e-12), ("f32", 2e-5))
                     for name in ("cone", "volume", "apart"))),
     main_error="stretch")
-def measure(*, precision: str = "f64", integrator: str = "exact") -> Record:
-    """Run the case; return the errors of the vectors and of the random strains.
+def return_mapping(*, precision: str = "f64", integrator: str = "exact") -> Record:
+    """Return mapping of single particles onto the Drucker-Prager cone.
 
-    Random particles must carry at most the shear of the cone, and exactly that where they yield, and keep their volume
-    where they do not separate.
+    Measured: errors of the principal stretches after a plastic step, and for thousands of random strains the distance
+    from the cone, the change of volume, and the strain left after separation: they must carry at most the shear of the
+    cone, and exactly that where they yield, and keep their volume where they do not separate. The strains are set in
+    the solver's state, so that the update is the field's.
     """
-    option = None if integrator == "auto" else integrator
-    solver = build_solver(30.0, RANDOM, precision, option)
-    timed, still = TimedSolver(solver), solver.state()
-    still["v"][:], still["C"][:] = 0.0, 0.0
+    timed, still = build_solver(30.0, RANDOM, precision, None if integrator == "auto" else integrator)
     wrong = []
     for phi, F, expected in VECTORS:
         F = np.asarray(F, float)
         if integrator == "series" and np.abs(np.log(np.linalg.svd(F)[1])).max() > SMALL:
             continue
-        solver.set_material(0, make_sand(phi))
+        timed.solver.set_material(0, make_sand(phi))
         wrong.append(np.abs(yielded_stretches(timed, still, F)[0] - expected).max())
-    solver.set_material(0, make_sand(30.0))
-    rng = np.random.default_rng(1)
+    law, rng = make_sand(30.0), np.random.default_rng(1)
+    timed.solver.set_material(0, law)
     span = (np.log(0.2), np.log(3.0)) if integrator != "series" else (-SMALL, SMALL)
     axes = Rotation.from_quat(rng.standard_normal((2 * RANDOM, 4))).as_matrix().reshape(2, RANDOM, 3, 3)
     trial = np.sort(rng.uniform(*span, (RANDOM, 3)))
-    F = axes[0] @ (np.exp(trial)[:, :, None] * axes[1])
-    h = np.log(yielded_stretches(timed, still, F))
-    law, pressed = make_sand(30.0), trial.sum(1) < 0
+    h = np.log(yielded_stretches(timed, still, axes[0] @ (np.exp(trial)[:, :, None] * axes[1])))
+    pressed = trial.sum(1) < 0
     shear = np.linalg.norm(h - h.mean(1, keepdims=True), axis=1)
     alpha = np.sqrt(2.0) / 3.0 * shear_ratio(30.0, "compression")
     beyond = shear + (3 * law.lam + 2 * law.mu) / (2 * law.mu) * alpha * h.sum(1)
@@ -124,3 +127,37 @@ def measure(*, precision: str = "f64", integrator: str = "exact") -> Record:
     errors = {"stretch": max(wrong), "cone": cone, "volume": np.abs(h.sum(1) - trial.sum(1))[pressed].max(),
               "apart": np.abs(h[~pressed]).max()}
     return timed.record(errors, vectors=len(wrong), yielded=int(yielded.sum()))
+
+
+@case(
+    source="Drucker-Prager flow at constant volume: m3 = 3 alpha / sqrt(2) in simple shear and in plane strain",
+    sweep=grid(path=("shear", "passive"), phi_deg=(20.0, 30.0, 40.0)),
+    quick=grid(path=("shear", "passive"), phi_deg=(30.0,)),
+    expectations=each_within({"ratio": 0.01, "normal": 0.015}), main_error="ratio")
+def element_path(*, path: str = "shear", phi_deg: float = 30.0, precision: str = "f64") -> Record:
+    """Shear and plane-strain compression of a particle to flow at constant volume.
+
+    Measured: relative error of the shear ratio at the end of simple shear under constant pressure, or of compression
+    under constant lateral pressure; in shear, also the difference between the normal stresses.
+    """
+    law, (timed, state) = make_sand(phi_deg), build_solver(phi_deg, 4, precision, "exact")
+    state["e"][:, :3] = np.expm1(-2.0 / 3.0 * PRESSURE / (law.lam + 2.0 / 3.0 * law.mu))
+
+    def step_gradient(stretch: float) -> np.ndarray:
+        """Return the deformation gradient of a step; the stretch along y keeps the pressure."""
+        return np.array([[1.0, STEP, 0.0], [0.0, stretch, 0.0], [0.0, 0.0, 1.0]]) if path == "shear" \
+            else np.diag([1.0 - 0.5 * STEP, stretch, 1.0])
+
+    def pressure_error(stretch: float, before: dict[str, np.ndarray]) -> float:
+        return float(stress(law, deform(timed, before, step_gradient(stretch)))[1, 1] + PRESSURE)
+
+    for _ in range(STEPS[path]):
+        stretch = brentq(pressure_error, 0.99, 1.01, args=(state,), xtol=1e-11)
+        state = deform(timed, state, step_gradient(float(stretch)))  # pyright: ignore[reportArgumentType]
+    sigma = stress(law, state)
+    m3, normal = shear_ratio(phi_deg, "compression"), np.diag(sigma)
+    ratio = sigma[0, 1] / PRESSURE if path == "shear" else (normal[1] - normal[0]) / -(normal[1] + normal[0])
+    errors = {"ratio": ratio / m3 - 1}
+    if path == "shear":
+        errors["normal"] = np.abs(normal / -PRESSURE - 1).max()
+    return timed.record(errors, ratio=ratio)

@@ -1,4 +1,0 @@
-"""Cases of fluids.
-
-Imports: mpm.
-"""
