@@ -20,8 +20,8 @@ from robosim.studies.calibration.measurements import HeapExperiment, PourExperim
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 KILOGRAMS = {"kg": 1.0, "g": 1e-3}
-MAX_HOLES = 0.2
-"""Largest share of pixels without a height: a fifth fewer readings widen the errors of rings by a tenth."""
+MAX_HOLES, MAX_PIXELS = 0.2, 4_000_000
+"""Largest share of pixels without a height: a fifth fewer readings widen the errors of rings by a tenth; and pixels."""
 VOLUMES = (0.6, 1.5)
 """Least and largest volume of a heap over that of its column. Powders loosen or pack by some 20 % when they are let go;
 a heap in cm instead of mm has ten times, or a tenth of, the volume."""
@@ -31,7 +31,6 @@ EDGE = 0.02
 """Height at which a heap ends, over that of its highest ring."""
 MARGIN = 2
 """Rings of floor that are compared beyond a heap's edge: a simulated heap may reach farther."""
-MAX_PIXELS = 4_000_000
 FALL = 4.0
 """Standard deviations of the noise by which a mass that was poured may be less than an earlier one, and a ring of bare
 floor above 0."""
@@ -39,13 +38,8 @@ CURVE_POINTS = 16
 """Readings of a curve of masses that are compared; more of one pour are not independent of each other."""
 
 
-class HeapData(NamedTuple):
-    """Readings of a heap about its axis."""
-
-    distances: np.ndarray
-    """(n,) [m] from the axis"""
-    heights: np.ndarray
-    """(n,) [m]"""
+HeapData = tuple[np.ndarray, np.ndarray]
+"""Readings of a heap: distances from its axis [m] (n,), and heights [m] (n,)."""
 
 
 class Rings(NamedTuple):
@@ -67,6 +61,18 @@ class Rings(NamedTuple):
         return np.bincount(self.index, values, len(self.counts)) / self.counts
 
 
+def sort_rings(distances: np.ndarray, heights: np.ndarray, width: float, last: int | None = None) -> Rings:
+    """Return the rings of a width [m] that hold readings at distances [m] (n,) with heights [m] (n,); last: most."""
+    index = (distances / width).astype(int)
+    if last is not None:
+        used = index < last
+        index, distances, heights = index[used], distances[used], heights[used]
+    counts = np.bincount(index)
+    with np.errstate(invalid="ignore"):  # empty rings
+        radii, means = (np.bincount(index, values) / counts for values in (distances, heights))
+    return Rings(index, distances, radii, means, counts)
+
+
 class Curve(NamedTuple):
     """A mass over time."""
 
@@ -86,28 +92,28 @@ def read_heap(name: str, heap: HeapExperiment) -> HeapData:
         data = _read_map(place, path, heap)
     else:
         raise ConfigError(f"{place}: ends in {suffix!r}; accepted: .npy, .png (height maps) or .csv (a profile)")
-    if len(data.heights) < 8:
-        raise ConfigError(f"{place}: {len(data.heights)} heights; accepted: 8 or more")
+    if len(data[1]) < 8:
+        raise ConfigError(f"{place}: {len(data[1])} heights; accepted: 8 or more")
     return data
 
 
 def make_rings(name: str, heap: HeapExperiment, data: HeapData) -> Rings:
     """Sort a heap's readings into rings; raises ConfigError for a heap of another volume than its column."""
     width = heap.radius / RINGS
-    index = (data.distances / width).astype(int)
-    counts = np.bincount(index)
-    last = int(np.argmax(counts == 0)) if (counts == 0).any() else len(counts)  # beyond a gap nothing is compared
+    every = sort_rings(*data, width)
+    last = int(np.argmax(np.append(every.counts, 0) == 0))  # beyond a gap nothing is compared
     if last < RINGS:
         raise ConfigError(f"experiments.{name}: {heap.data}: no heights {last * width * 1e3:.0f} mm from the axis; "
                           f"accepted: readings from the axis outwards, at least every {width * 1e3:.1f} mm")
-    last = min(last, find_edge(name, heap, np.bincount(index, data.heights)[:last] / counts[:last], counts[:last])
-               + MARGIN)
-    used = index < last
-    index, distances, heights = index[used], data.distances[used], data.heights[used]
-    counts = counts[:last]
-    radii, means = (np.bincount(index, values) / counts for values in (distances, heights))
-    rings = Rings(index, distances, radii, means, counts)
-    _check_volume(name, heap, rings, width)
+    edge = find_edge(name, heap, every.heights[:last], every.counts[:last])
+    rings = sort_rings(*data, width, min(last, edge + MARGIN))
+    edges = width * np.arange(len(rings.counts) + 1)
+    volume = float((rings.heights * math.pi * (edges[1:] ** 2 - edges[:-1] ** 2)).sum())
+    column, (least, most) = math.pi * heap.radius**2 * heap.height, VOLUMES
+    if not least * column <= volume <= most * column:
+        raise ConfigError(f"experiments.{name}: {heap.data}: a heap of {volume * 1e6:.0f} cm^3 of a column of "
+                          f"{column * 1e6:.0f} cm^3; accepted: {least:g} to {most:g} of it; is `scale` or `unit` "
+                          f"another one, or part of the heap outside the map?")
     return rings
 
 
@@ -156,21 +162,14 @@ def _read_map(place: str, path: Path, heap: HeapExperiment) -> HeapData:
     heights = _load_map(place, path, heap) * METRES[heap.unit]
     if heights.ndim != 2 or min(heights.shape) < 4 or heights.size > MAX_PIXELS:
         raise ConfigError(f"{place}: of shape {heights.shape}; accepted: a map of 4 x 4 to {MAX_PIXELS} pixels")
-    valid = np.isfinite(heights)
-    holes = 1.0 - valid.mean()
-    if holes > MAX_HOLES:
-        raise ConfigError(f"{place}: {holes:.0%} of the pixels have no height; accepted: up to {MAX_HOLES:.0%}")
-    _check_unit(place, heap, float(np.percentile(heights[valid], 99.5)))
+    valid = _check_heights(place, heap, heights, "pixels", 99.5)
     rows, columns = np.indices(heights.shape)
-    if heap.centre is not None:
-        centre = heap.centre
-        if not all(0 <= c <= n - 1 for c, n in zip(centre, heights.shape)):
-            raise ConfigError(f"{place}: centre = {list(centre)} is outside the map of {heights.shape} pixels")
-    else:
-        raised = np.where(valid & (heights > 0.1 * np.nanmax(heights)), heights, 0.0)
-        centre = (float((raised * rows).sum() / raised.sum()), float((raised * columns).sum() / raised.sum()))
+    raised = np.where(valid & (heights > 0.1 * np.nanmax(heights)), heights, 0.0)
+    centre = heap.centre or [(raised * places).sum() / raised.sum() for places in (rows, columns)]
+    if not all(0 <= c <= n - 1 for c, n in zip(centre, heights.shape)):
+        raise ConfigError(f"{place}: centre = {list(centre)} is outside the map of {heights.shape} pixels")
     distances = np.hypot(rows - centre[0], columns - centre[1]) * heap.scale
-    return HeapData(distances[valid], heights[valid])
+    return distances[valid], heights[valid]
 
 
 def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
@@ -212,12 +211,8 @@ def _read_profile(place: str, path: Path, heap: HeapExperiment) -> HeapData:
     origin = heap.centre[0] if heap.centre is not None else 0.0
     distances = np.abs(columns["r"] - origin) * METRES[heap.unit]
     heights = columns["z"] * METRES[heap.unit]
-    valid = np.isfinite(heights)
-    if 1.0 - valid.mean() > MAX_HOLES:
-        raise ConfigError(f"{place}: {1 - valid.mean():.0%} of the points have no height; accepted: up to "
-                          f"{MAX_HOLES:.0%}")
-    _check_unit(place, heap, float(heights[valid].max()))
-    return HeapData(distances[valid], heights[valid])
+    valid = _check_heights(place, heap, heights, "points", 100.0)
+    return distances[valid], heights[valid]
 
 
 def _read_columns(place: str, path: Path, names: tuple[str, str], may_miss: str = "") -> dict[str, np.ndarray]:
@@ -247,25 +242,22 @@ def _read_columns(place: str, path: Path, names: tuple[str, str], may_miss: str 
     return {name: np.array(values) for name, values in found.items()}
 
 
-def _check_unit(place: str, heap: HeapExperiment, top: float) -> None:
-    """Refuse heights that no heap of this column has: above the column, or not above the noise."""
-    most = heap.height + 5 * heap.noise
-    if top > most:
+def _check_heights(place: str, heap: HeapExperiment, heights: np.ndarray, what: str, percentile: float) -> np.ndarray:
+    """Return which heights [m] are no holes; what: they are of, for messages.
+
+    Refuses too many holes, and heights, by a percentile, that no heap of this column has: above the column, or not
+    above the noise.
+    """
+    valid = np.isfinite(heights)
+    if 1.0 - valid.mean() > MAX_HOLES:
+        raise ConfigError(f"{place}: {1 - valid.mean():.0%} of the {what} have no height; accepted: up to "
+                          f"{MAX_HOLES:.0%}")
+    top = float(np.percentile(heights[valid], percentile))
+    if top > heap.height + 5 * heap.noise:
         raise ConfigError(f"{place}: heights reach {top:g} m with unit {heap.unit!r}, and the column was "
                           f"{heap.height:g} m high; accepted: heights up to that; is it another unit?")
     if top < max(0.02 * heap.height, heap.noise):
         raise ConfigError(f"{place}: heights reach {top:g} m with unit {heap.unit!r}, and the column was "
                           f"{heap.height:g} m high with noise of {heap.noise:g} m; accepted: a heap above the noise; "
                           f"is it another unit?")
-
-
-def _check_volume(name: str, heap: HeapExperiment, rings: Rings, width: float) -> None:
-    """Refuse a heap whose volume is not that of its column."""
-    edges = width * np.arange(len(rings.counts) + 1)
-    volume = float((rings.heights * math.pi * (edges[1:] ** 2 - edges[:-1] ** 2)).sum())
-    column = math.pi * heap.radius**2 * heap.height
-    least, most = VOLUMES
-    if not least * column <= volume <= most * column:
-        raise ConfigError(f"experiments.{name}: {heap.data}: a heap of {volume * 1e6:.0f} cm^3 of a column of "
-                          f"{column * 1e6:.0f} cm^3; accepted: {least:g} to {most:g} of it; is `scale` or `unit` "
-                          f"another one, or part of the heap outside the map?")
+    return valid

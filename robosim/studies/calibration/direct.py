@@ -17,6 +17,8 @@ from robosim.studies.calibration.measurements import (
 )
 
 G = 9.81
+STEEPEST = 75.0
+"""[deg] of a heap on a scoop; nobody heaps powder higher."""
 
 
 def shear_ratio(friction_angle_deg: float) -> float:
@@ -65,19 +67,4 @@ def predict(experiment: Experiment, numbers: dict[str, float]) -> list[float]:
         angle = sliding_angle(experiment.rim_radius / 3.0, density, phi, cohesion)
         cone = math.pi * experiment.rim_radius**3 * math.tan(math.radians(min(angle, STEEPEST))) / 3.0
         return [density * (experiment.volume + cone)] * len(experiment.masses)
-    raise TypeError(f"{type(experiment).__name__} has no closed form")
-
-
-STEEPEST = 75.0
-"""[deg] of a heap on a scoop; nobody heaps powder higher."""
-
-
-def readings(experiment: Experiment) -> list[float]:
-    """Return what an experiment read, in SI units and degrees."""
-    if isinstance(experiment, TiltExperiment):
-        return experiment.angles
-    if isinstance(experiment, ShearExperiment):
-        return experiment.shear_stress
-    if isinstance(experiment, CupExperiment | ScoopExperiment):
-        return experiment.masses
     raise TypeError(f"{type(experiment).__name__} has no closed form")

@@ -34,13 +34,12 @@ class Emulator:
         self._mean = outputs.mean(0)
         left, sizes, right = np.linalg.svd(outputs - self._mean, full_matrices=False)
         spread = sizes / np.sqrt(len(points))
-        kept = max(int((spread > NEGLIGIBLE).sum()), 1)
-        kept = min(kept, MOST_COMPONENTS, len(sizes))
+        kept = min(max(int((spread > NEGLIGIBLE).sum()), 1), MOST_COMPONENTS, len(sizes))
         self._basis = right[:kept]
         scores = left[:, :kept] * sizes[:kept]
         self._lost = ((outputs - self._mean - scores @ self._basis) ** 2).mean(0)
         self._scale = np.maximum(scores.std(0), 1e-12)
-        self._processes = [Process(fit_process(points, scores[:, k] / self._scale[k])) for k in range(kept)]
+        self._processes = [fit_process(points, scores[:, k] / self._scale[k]) for k in range(kept)]
 
     def predict(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean and variance (m, n) of the outputs at points (m, d), a run's own noise included."""
@@ -60,36 +59,29 @@ class Emulator:
     def uncertainty(self, points: np.ndarray) -> np.ndarray:
         """Return the largest variance (m,) over the outputs at points (m, d) that more runs could remove."""
         _, variances = self._components(points)
-        own = np.array([process.noise for process in self._processes]) * self._scale**2
+        own = np.array([process.kernel_.k2.noise_level for process, _ in self._processes]) * self._scale**2
         return (np.maximum(variances - own, 0.0) @ self._basis**2).max(1)
 
     def _components(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = [process.predict(points) for process in self._processes]
-        means, variances = (np.stack(values, 1) for values in zip(*found))
-        return means * self._scale, variances * self._scale**2
+        means, variances = [], []
+        for process, inverse in self._processes:  # sklearn solves for each prediction, 5 x as slow for few
+            kernel = process.kernel_
+            cross = kernel(points, process.X_train_)
+            known = ((cross @ inverse) * cross).sum(1)
+            means.append(cross @ process.alpha_)
+            variances.append(np.maximum(kernel.diag(points) - known, kernel.k2.noise_level))
+        return np.stack(means, 1) * self._scale, np.stack(variances, 1) * self._scale**2
 
 
-class Process:
-    """A fitted process with the inverse of its covariance: sklearn solves for each prediction, 5 x as slow for few."""
+def fit_process(points: np.ndarray, values: np.ndarray) -> tuple[Any, np.ndarray]:  # sklearn's kernels have no types
+    """Fit a process to values (r,) of unit variance at points (r, d) by maximum likelihood.
 
-    def __init__(self, fitted: Any) -> None:  # sklearn's kernels have no types
-        self._fitted, self.noise = fitted, float(fitted.kernel_.k2.noise_level)
-        self._inverse = cho_solve((fitted.L_, True), np.eye(len(fitted.L_)))
-
-    def predict(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean and variance (m,) at points (m, d), noise included."""
-        kernel = self._fitted.kernel_
-        cross = kernel(points, self._fitted.X_train_)
-        known = ((cross @ self._inverse) * cross).sum(1)
-        return cross @ self._fitted.alpha_, np.maximum(kernel.diag(points) - known, self.noise)
-
-
-def fit_process(points: np.ndarray, values: np.ndarray) -> GaussianProcessRegressor:
-    """Fit a process to values (r,) of unit variance at points (r, d) by maximum likelihood."""
-    d = points.shape[1]
-    lengths: Any = np.full(d, 0.5)
+    Return it and the inverse (r, r) of its covariance.
+    """
+    lengths: Any = np.full(points.shape[1], 0.5)
     kernel = ConstantKernel(1.0, (0.05, 100.0)) * Matern(lengths, LENGTHS, nu=2.5) + WhiteKernel(0.01, NOISE)
     process = GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
     with warnings.catch_warnings():  # a length at its bound is a number that the output does not depend on
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return process.fit(points, values)
+        process.fit(points, values)
+    return process, cho_solve((process.L_, True), np.eye(len(points)))

@@ -7,8 +7,17 @@ import numpy as np
 
 from robosim.config.materials import number_names
 from robosim.studies.calibration import direct
-from robosim.studies.calibration.data import CURVE_POINTS, RINGS, Curve, Rings, make_rings, read_curve, read_heap
-from robosim.studies.calibration.heap import rim, simulate_heap
+from robosim.studies.calibration.data import (
+    CURVE_POINTS,
+    RINGS,
+    Curve,
+    Rings,
+    make_rings,
+    read_curve,
+    read_heap,
+    sort_rings,
+)
+from robosim.studies.calibration.heap import simulate_heap
 from robosim.studies.calibration.measurements import (
     WALL_FRICTION,
     Experiment,
@@ -19,6 +28,7 @@ from robosim.studies.calibration.measurements import (
     ShearExperiment,
 )
 from robosim.studies.calibration.pour import simulate_pour
+from robosim.studies.columns import rim
 
 HEAP_ERROR = 0.25
 """Error of a simulated height in cells, unless `model_error` says otherwise: heaps of a column of sugar, 80 mm wide and
@@ -45,9 +55,8 @@ class Trial(NamedTuple):
     name: str
     kind: str
     readings: np.ndarray
-    """(n,) in `unit`"""
+    """(n,) in `unit`, as `errors`: standard deviations of the readings and of the simulation's own error"""
     errors: np.ndarray
-    """(n,) standard deviations of readings and of the simulation's own error, in `unit`"""
     simulate: Simulate
     is_direct: bool
     """Whether `simulate` is a closed form, which takes no time and needs no emulator."""
@@ -57,15 +66,6 @@ class Trial(NamedTuple):
     axis_name: str
     unit: str
 
-    def residuals(self, values: np.ndarray) -> np.ndarray:
-        """Return (readings - values) / errors (n,)."""
-        return (self.readings - values) / self.errors
-
-
-def make_trials(measurements: Measurements) -> list[Trial]:
-    """Read the data of all experiments; raises ConfigError for what cannot be used."""
-    return [make_trial(measurements, name, one) for name, one in measurements.experiments.items()]
-
 
 def make_trial(measurements: Measurements, name: str, one: Experiment) -> Trial:
     """Read the data of an experiment; raises ConfigError for what cannot be used."""
@@ -74,28 +74,23 @@ def make_trial(measurements: Measurements, name: str, one: Experiment) -> Trial:
     if isinstance(one, PourExperiment):
         return _pour_trial(measurements, name, one, read_curve(name, one))
     given = {key: getattr(measurements.card, field).value for key, field in number_names(measurements.card).items()}
-    readings = np.array(direct.readings(one))
+    readings = np.array(getattr(one, one.READS))
 
     def simulate(numbers: Numbers, seed: int) -> np.ndarray:
         return np.array(direct.predict(one, given | numbers))
 
-    is_shear = isinstance(one, ShearExperiment)
-    axis = np.array(one.normal_stress) if is_shear else np.arange(1.0, len(readings) + 1)
+    axis, axis_name = np.arange(1.0, len(readings) + 1), "reading"
+    if isinstance(one, ShearExperiment):
+        axis, axis_name = np.array(one.normal_stress), "normal stress [Pa]"
     kind: str = one.kind  # pyright: ignore[reportAttributeAccessIssue]
-    unit = {"tilt": "deg", "shear": "Pa"}.get(kind, "kg")
     errors = np.full(len(readings), one.noise)  # pyright: ignore[reportAttributeAccessIssue]
     if isinstance(one, ScoopExperiment):
+        own = SCOOP_ERROR * (direct.predict(one, given)[0] - given["density"] * one.volume) \
+            if one.model_error is None else one.model_error
         # common to all n masses, so that their mean keeps all of it: n x its variance in each of them
-        errors = np.hypot(errors, np.sqrt(len(readings)) * scoop_error(one, given))
-    return Trial(name, kind, readings, errors, simulate, True, one.held_out, axis,
-                 "normal stress [Pa]" if is_shear else "reading", unit)
-
-
-def scoop_error(scoop: ScoopExperiment, numbers: Numbers) -> float:
-    """Return the standard deviation [kg] of the closed form of a heaped scoop; numbers: of the card."""
-    if scoop.model_error is not None:
-        return scoop.model_error
-    return SCOOP_ERROR * (direct.predict(scoop, numbers)[0] - numbers["density"] * scoop.volume)
+        errors = np.hypot(errors, np.sqrt(len(readings)) * own)
+    return Trial(name, kind, readings, errors, simulate, True, one.held_out, axis, axis_name,
+                 {"tilt": "deg", "shear": "Pa"}.get(kind, "kg"))
 
 
 def make_candidates(measurements: Measurements) -> list[Trial]:
@@ -103,12 +98,10 @@ def make_candidates(measurements: Measurements) -> list[Trial]:
     made = []
     for name, one in measurements.candidates.items():
         if isinstance(one, HeapExperiment):
-            half = 1.25 * rim(one.radius, one.height)
+            half = 1.25 * rim(one.radius, one.height / one.radius)
             axis = np.arange(-half, half, one.scale or PIXEL)
             distances = np.hypot(*np.meshgrid(axis, axis)).ravel()
-            index = (distances / (one.radius / RINGS)).astype(int)
-            counts = np.bincount(index)
-            rings = Rings(index, distances, np.bincount(index, distances) / counts, 0.0 * counts, counts)
+            rings = sort_rings(distances, 0.0 * distances, one.radius / RINGS)
             made.append(_heap_trial(measurements, name, one, rings))
         elif isinstance(one, PourExperiment):
             times = np.linspace(0.0, AFTER_POUR * one.end_angle / one.tilt_speed, CURVE_POINTS)

@@ -10,9 +10,9 @@ import numpy as np
 import trimesh
 
 import mpm
-from mpm.scene.sampling import JITTER
 from robosim.config.materials import Law, MaterialConfig
 from robosim.studies.calibration.measurements import HeapExperiment
+from robosim.studies.columns import fill_column, rim
 
 G = 9.81
 COURANT = 0.5
@@ -20,8 +20,7 @@ COURANT = 0.5
 FALL_TIMES = 6.0
 """Duration in units of sqrt(height / g): twice the time after which Lube et al. (2004) found columns at rest."""
 REACH = 1.5
-"""Room for the heap, in units of the rim that Lube et al. (2004) measured for sand; one of less friction leans on the
-grid's sides. Source: J. Fluid Mech. 508:175, r = r0 (1 + 1.24 a), r0 (1 + 1.6 sqrt(a)) from a = 1.7."""
+"""Room for the heap, in units of the rim of sand; one of less friction leans on the grid's sides."""
 WALL_CELLS = 2.5
 """Thickness of the lifted cylinder, outwards, in cells; the grid does not see thinner solids."""
 INSIDE = 0.999
@@ -37,10 +36,9 @@ def simulate_heap(heap: HeapExperiment, card: MaterialConfig, floor_friction: fl
     seed: of the particles' initial places. Raises mpm.SimulationDiverged.
     """
     solver = make_column(heap, card.make_law(), floor_friction, seed)
-    fall = FALL_TIMES * math.sqrt(heap.height / G)
     if heap.lift_speed is not None:
-        lift_cylinder(solver, heap)
-    solver.advance(fall)
+        lift_cylinder(solver, heap, heap.lift_speed)
+    solver.advance(FALL_TIMES * math.sqrt(heap.height / G))
     positions, volume = solver.positions(), float(np.max(solver.bodies[0].volume or 0.0))
     solver.close()
     return ring_heights(np.hypot(positions[:, 0], positions[:, 1]), volume, heap.radius / heap.cells, distances)
@@ -50,7 +48,9 @@ def make_column(heap: HeapExperiment, law: Law, floor_friction: float, seed: int
     """Build the column before its release; scenes of one experiment share compiled kernels."""
     cell = heap.radius / heap.cells
     grains = fill_column(heap.radius, heap.height, cell, np.random.default_rng(seed))
-    room = math.ceil(REACH * rim(heap.radius, heap.height) / cell) * cell
+    distances = np.hypot(grains[:, 0], grains[:, 1])
+    grains[:, :2] *= np.minimum(1.0, INSIDE * heap.radius / distances)[:, None]  # out of the cylinder's wall
+    room = math.ceil(REACH * rim(heap.radius, heap.height / heap.radius) / cell) * cell
     walls = mpm.Walls(friction=floor_friction, lower=("roller", "roller", "friction"),
                       upper=("friction", "friction", "slip"))
     colliders = []
@@ -70,14 +70,11 @@ def stable_step(law: Law, cell: float) -> float | None:
     return COURANT * cell / math.sqrt((law.lam + 2 * law.mu) / law.density)
 
 
-def lift_cylinder(solver: mpm.Solver, heap: HeapExperiment) -> None:
-    """Lift the cylinder until it is above the column's top."""
-    assert heap.lift_speed is not None
-    cell = heap.radius / heap.cells
-    risen = 0.0
-    step = min(LIFT_STEP, cell / heap.lift_speed)
+def lift_cylinder(solver: mpm.Solver, heap: HeapExperiment, speed: float) -> None:
+    """Lift the cylinder until it is above the column's top; speed [m/s]."""
+    risen, step = 0.0, min(LIFT_STEP, heap.radius / heap.cells / speed)
     while risen < heap.height:
-        begin, risen = risen, risen + heap.lift_speed * step
+        begin, risen = risen, risen + speed * step
         solver.set_collider_motion(0, cylinder_pose(heap, begin), cylinder_pose(heap, risen))
         solver.advance(step)
 
@@ -86,28 +83,6 @@ def cylinder_pose(heap: HeapExperiment, risen: float) -> mpm.Pose:
     """Return the pose of the cylinder's middle when it is raised by `risen` [m]."""
     middle = heap.height / 2 + heap.radius / heap.cells + risen
     return mpm.Pose(np.array([0.0, 0.0, middle]), mpm.Pose.identity().quaternion)
-
-
-def rim(radius: float, height: float) -> float:
-    """Return the radius [m] of the deposit of a column of sand, by Lube et al. (2004)."""
-    a = height / radius
-    return radius * (1 + (1.24 * a if a < 1.7 else 1.6 * math.sqrt(a)))
-
-
-def fill_column(radius: float, height: float, cell: float, rng: np.random.Generator) -> np.ndarray:
-    """Return positions [m] (n, 3) of a quarter column: four jittered particles a cell.
-
-    Every second site of a lattice of half cells, so that their number does not depend on the jitter.
-    """
-    half = cell / 2
-    n, layers = math.ceil(radius / half), max(round(height / half), 2)
-    sites = np.stack(np.meshgrid(np.arange(n), np.arange(n), np.arange(layers), indexing="ij"), -1).reshape(-1, 3)
-    grains = (sites[sites.sum(1) % 2 == 0] + 0.5) * (half, half, height / layers)
-    grains = grains[np.hypot(grains[:, 0], grains[:, 1]) <= radius]
-    grains += rng.uniform(-JITTER, JITTER, grains.shape) * half
-    distances = np.hypot(grains[:, 0], grains[:, 1])
-    grains[:, :2] *= np.minimum(1.0, INSIDE * radius / distances)[:, None]  # or some would lie in the cylinder's wall
-    return grains
 
 
 def ring_heights(particles: np.ndarray, volume: float, cell: float, distances: np.ndarray) -> np.ndarray:

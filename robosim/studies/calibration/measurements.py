@@ -1,7 +1,7 @@
 """The file of measurements: which experiments were made, their data and geometry, and which numbers are sought."""
 
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import pydantic
 from pydantic import Field
@@ -15,11 +15,8 @@ from robosim.config.table import Table, read, validate
 
 WALL_FRICTION = "wall_friction"
 """Number that may be sought besides those of the law: friction coefficient of the material on floors and walls."""
-MAX_SOUGHT = 5
+MAX_SOUGHT, MAX_EXPERIMENTS = 5, 12
 """Numbers that are sought at a time: each doubles the runs that their emulator needs, and few data tell more."""
-MAX_EXPERIMENTS = 12
-NO_DATA = "none"
-"""File of an experiment that could be made."""
 
 # Noise is a standard deviation: below it a reading would be exact, and a single one would outweigh all others.
 HeightNoise = Annotated[float, Field(ge=1e-6, le=0.1)]
@@ -39,6 +36,8 @@ class Experiment(Table):
 
     held_out: bool = False
     """Whether it is kept from the fit, and predicted afterwards as a check."""
+    READS: ClassVar[str] = "masses"
+    """Key of what an experiment with a closed form read, in SI units and degrees."""
 
 
 class HeapExperiment(Experiment):
@@ -107,6 +106,7 @@ class PourExperiment(Experiment):
 class TiltExperiment(Experiment):
     """Angles at which a layer on a tilted tray begins to slide: within itself, or on its tray."""
 
+    READS = "angles"
     kind: Literal["tilt"]
     """A tilted tray."""
     angles: Annotated[list[TiltAngle], Field(min_length=1, max_length=200)]
@@ -122,6 +122,7 @@ class TiltExperiment(Experiment):
 class ShearExperiment(Experiment):
     """Shear stresses of a shear cell in steady flow, at normal stresses."""
 
+    READS = "shear_stress"
     kind: Literal["shear"]
     """A shear cell."""
     normal_stress: Annotated[list[Stress], Field(min_length=1, max_length=200)]
@@ -194,21 +195,14 @@ class MeasurementsConfig(Table):
     """Name -> a heap or a pour that could be made: as an experiment, without `data`. The page says how much each would
     narrow the numbers."""
 
-    FILES: ClassVar[tuple[str, ...]] = ("data",)
-    """Keys of experiments that are paths."""
 
+class Measurements(NamedTuple):
+    """A file of measurements, checked: the card, and the experiments by name, also those that could be made."""
 
-class Measurements:
-    """A file of measurements, checked: the card, ranges of the numbers sought, and the experiments by name."""
-
-    def __init__(self, config: MeasurementsConfig, card: MaterialConfig, experiments: dict[str, Experiment],
-                 candidates: dict[str, Experiment]) -> None:
-        self.config, self.card, self.experiments, self.candidates = config, card, experiments, candidates
-
-    @property
-    def sought(self) -> dict[str, tuple[float, float]]:
-        """Name -> range."""
-        return self.config.sought
+    config: MeasurementsConfig
+    card: MaterialConfig
+    experiments: dict[str, Experiment]
+    candidates: dict[str, Experiment]
 
     def changed_card(self, numbers: dict[str, float]) -> MaterialConfig:
         """Return the card with numbers of its law replaced."""
@@ -221,14 +215,11 @@ def load_measurements(path: Path, settings: tuple[Setting, ...] = ()) -> Measure
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: holds {type(data).__name__}; accepted: a table of "
                           f"{', '.join(MeasurementsConfig.model_fields)}")
-    data = with_settings(data, settings)
-    config = validate(data, path, MeasurementsConfig)
+    config = validate(with_settings(data, settings), path, MeasurementsConfig)
     name = config.material
     card = load_material(str((path.parent / name).resolve()) if name.endswith((".yaml", ".yml")) else name)
     check_sought(path, config, card)
-    experiments = {}
-    for name, table in config.experiments.items():
-        experiments[name] = read_experiment(path, name, table)
+    experiments = {name: read_experiment(path, name, table) for name, table in config.experiments.items()}
     candidates = {name: read_candidate(path, name, table) for name, table in (config.candidates or {}).items()}
     check_friction(path, config, experiments | candidates)
     if all(one.held_out for one in experiments.values()):
@@ -241,17 +232,16 @@ def read_candidate(path: Path, name: str, table: dict[str, Any]) -> Experiment:
     if table.get("kind") not in ("heap", "pour") or "data" in table:
         raise ConfigError(f"{path}: candidates.{name}: kind = {quote(table.get('kind'))}"
                           f"{' with data' if 'data' in table else ''}; accepted: heap or pour, without data")
-    return read_experiment(path, name, {"unit": "m" if table["kind"] == "heap" else "kg", **table, "data": NO_DATA},
+    return read_experiment(path, name, {"unit": "m" if table["kind"] == "heap" else "kg", **table, "data": "none"},
                            "candidates")
 
 
 def read_experiment(path: Path, name: str, table: dict[str, Any], key: str = "experiments") -> Experiment:
     """Validate an experiment's table, with its file's path made absolute."""
-    kind = table.get("kind")
+    kind, data = table.get("kind"), table.get("data")
     if not isinstance(kind, str) or kind not in EXPERIMENTS:
         raise ConfigError(f"{path}: {key}.{name}.kind = {quote(kind)}; accepted: {', '.join(EXPERIMENTS)}")
-    located = {key: str((path.parent / value).resolve()) if key in MeasurementsConfig.FILES and isinstance(value, str)
-               else value for key, value in table.items()}
+    located = {**table, "data": str((path.parent / data).resolve())} if isinstance(data, str) else table
     return validate(located, Path(f"{path}: {key}.{name}"), EXPERIMENTS[kind])
 
 
@@ -259,7 +249,7 @@ def check_sought(path: Path, config: MeasurementsConfig, card: MaterialConfig) -
     """Raise ConfigError for a number that the law does not have, and for a range that is empty or not accepted."""
     known = list(number_names(card))
     if WALL_FRICTION in type(card).model_fields:
-        known = list(dict.fromkeys([*known, WALL_FRICTION]))
+        known += [WALL_FRICTION] if WALL_FRICTION not in known else []
     elif WALL_FRICTION in config.sought:
         raise ConfigError(f"{path}: sought.{WALL_FRICTION}: a card of material {quote(config.material)} has no "
                           f"{WALL_FRICTION}; accepted: {', '.join(known)}; a heap takes floor_friction, a pour "
@@ -273,9 +263,9 @@ def check_sought(path: Path, config: MeasurementsConfig, card: MaterialConfig) -
         if name == WALL_FRICTION:
             if not 0.0 <= least < most <= 10.0:
                 raise ConfigError(f"{path}: sought.{name} = [{least:g}, {most:g}]; accepted: within 0 to 10")
-            continue
-        for value in (least, most):
-            overridden(card, {name: value}, f"{path}: sought:")
+        else:
+            for value in (least, most):
+                overridden(card, {name: value}, f"{path}: sought:")
 
 
 def check_friction(path: Path, config: MeasurementsConfig, experiments: dict[str, Experiment]) -> None:
@@ -295,5 +285,3 @@ def measurements_path(name: str) -> Path:
                           f"measurements`")
     return Path(name)
 
-
-__all__ = ["EXPERIMENTS", "Experiment", "Measurements", "MeasurementsConfig", "load_measurements", "measurements_path"]

@@ -14,9 +14,8 @@ from scipy.stats import qmc
 
 LogLikelihood = Callable[[np.ndarray], np.ndarray]
 """Returns the logarithm of the likelihood (m,) at points (m, d) in [0, 1]."""
-WALKERS, STEPS, DISCARDED, THINNING = 64, 300, 100, 8
-START_POINTS = 1024
-"""Points that the ensemble begins among."""
+WALKERS, STEPS, DISCARDED, THINNING, START_POINTS = 64, 300, 100, 8, 1024
+"""START_POINTS: that the ensemble begins among."""
 STRETCH = 2.0
 """Largest stretch of a move, as Goodman & Weare recommend."""
 INTERVAL = 0.9
@@ -33,8 +32,7 @@ class Posterior(NamedTuple):
 
     def intervals(self) -> np.ndarray:
         """Return least and largest value (d, 2) of the central intervals of probability INTERVAL."""
-        tail = (1 - INTERVAL) / 2
-        return np.quantile(self.samples, (tail, 1 - tail), axis=0).T
+        return np.quantile(self.samples, (0.5 - INTERVAL / 2, 0.5 + INTERVAL / 2), axis=0).T
 
     def correlation(self) -> np.ndarray:
         """Return the correlation (d, d)."""
@@ -51,15 +49,13 @@ def sample_posterior(log_likelihood: LogLikelihood, dimensions: int, seed: int) 
     drawn = rng.choice(len(starts), WALKERS // 2, p=weights / weights.sum())
     walkers = np.concatenate([starts[few[: WALKERS - len(drawn)]], starts[drawn]])
     walkers = np.clip(walkers + rng.normal(0.0, 1e-3, walkers.shape), 0.0, 1.0)
-    logs, kept = log_likelihood(walkers), []
+    logs, kept, halves = log_likelihood(walkers), [], (slice(0, WALKERS // 2), slice(WALKERS // 2, WALKERS))
     for step in range(STEPS):
-        for half in (slice(0, WALKERS // 2), slice(WALKERS // 2, WALKERS)):
-            other = slice(WALKERS // 2, WALKERS) if half.start == 0 else slice(0, WALKERS // 2)
+        for half, other in (halves, halves[::-1]):
             walkers[half], logs[half] = _move(walkers[half], logs[half], walkers[other], log_likelihood, rng)
         if step >= DISCARDED and (step - DISCARDED) % THINNING == 0:
             kept.append(walkers.copy())
-    samples = np.concatenate(kept)
-    return Posterior(samples, climb(log_likelihood, walkers[np.argmax(logs)]))
+    return Posterior(np.concatenate(kept), climb(log_likelihood, walkers[np.argmax(logs)]))
 
 
 def _move(walkers: np.ndarray, logs: np.ndarray, others: np.ndarray, log_likelihood: LogLikelihood,

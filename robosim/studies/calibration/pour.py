@@ -13,10 +13,9 @@ from robosim.config.materials import MaterialConfig
 from robosim.studies.calibration.heap import G, stable_step
 from robosim.studies.calibration.measurements import PourExperiment
 
-LIP_CELLS = 2.0
-"""Thickness of the wall with the lip, in cells; thinner solids the grid does not see."""
-STEP = 0.02
-"""Time [s] of an advance while the box is tilted: gravity is constant during it."""
+LIP_CELLS, STEP = 2.0, 0.02
+"""Thickness of the wall with the lip, in cells: thinner solids the grid does not see; time [s] of an advance while the
+box is tilted: gravity is constant during it."""
 
 
 def simulate_pour(pour: PourExperiment, card: MaterialConfig, wall_friction: float, times: np.ndarray,
@@ -25,12 +24,9 @@ def simulate_pour(pour: PourExperiment, card: MaterialConfig, wall_friction: flo
 
     seed: of the particles' initial places. Raises mpm.SimulationDiverged.
     """
-    law = card.make_law()
-    cell = pour.fill_height / pour.cells
-    length = math.ceil(pour.length / cell) * cell
-    lip = LIP_CELLS * cell
-    top = max(pour.depth, pour.fill_height) + 4 * cell
-    upper = (2 * length + lip + 4 * cell, cell, top)
+    law, cell = card.make_law(), pour.fill_height / pour.cells
+    length, lip = math.ceil(pour.length / cell) * cell, LIP_CELLS * cell
+    upper = (2 * length + lip + 4 * cell, cell, max(pour.depth, pour.fill_height) + 4 * cell)
     place = mpm.Pose(np.array([length + lip / 2, cell / 2, 0.0]), mpm.Pose.identity().quaternion)
     wall = mpm.Collider(mpm.Sdf.box((lip / 2, 2 * cell, pour.depth)), static=True, friction=wall_friction, pose=place)
     grains = mpm.sample_box((0, 0, 0), (length, cell, pour.fill_height), cell / 2, np.random.default_rng(seed))
@@ -39,7 +35,6 @@ def simulate_pour(pour: PourExperiment, card: MaterialConfig, wall_friction: flo
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), upper, cell), walls=walls, colliders=[wall],
                         bodies=[mpm.Body(law, grains, volume=length * cell * pour.fill_height / len(grains))],
                         dt=stable_step(law, cell))
-    mass = law.density * pour.length * pour.fill_height * pour.width
     clock, shares = [0.0], [0.0]
     while clock[-1] < times[-1]:
         angle = math.radians(min(pour.tilt_speed * (clock[-1] + STEP / 2), pour.end_angle))
@@ -48,4 +43,4 @@ def simulate_pour(pour: PourExperiment, card: MaterialConfig, wall_friction: flo
         clock.append(clock[-1] + STEP)
         shares.append(float(np.mean(solver.positions()[:, 0] > length + lip)))
     solver.close()
-    return mass * np.interp(times, clock, shares)
+    return law.density * pour.length * pour.fill_height * pour.width * np.interp(times, clock, shares)

@@ -13,17 +13,11 @@ from robosim.base.study import ROWS, Store
 from robosim.config.materials import MaterialConfig, number_names
 from robosim.config.settings import Setting
 from robosim.studies.calibration.emulator import Emulator
-from robosim.studies.calibration.experiment import Numbers, Trial, make_candidates, make_trials
-from robosim.studies.calibration.measurements import (
-    WALL_FRICTION,
-    HeapExperiment,
-    Measurements,
-    PourExperiment,
-    load_measurements,
-)
+from robosim.studies.calibration.experiment import Numbers, Trial, make_candidates, make_trial
+from robosim.studies.calibration.measurements import WALL_FRICTION, Measurements, load_measurements
 from robosim.studies.calibration.page import make_page
 from robosim.studies.calibration.search import Ranges, Search, search
-from robosim.studies.calibration.verdict import Advice, Finding, Residual, Verdict, advise, judge, residual
+from robosim.studies.calibration.verdict import Advice, Residual, Verdict, advise, judge, residual
 
 CARD, REFUSED = "material.yaml", "material_NOT_CALIBRATED.yaml"
 """Names of the card; of one that missed a bound the name says so."""
@@ -65,8 +59,8 @@ def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings:
     ConfigError for measurements that cannot be used, mpm.SimulationDiverged.
     """
     measurements = load_measurements(path, settings)
-    trials = make_trials(measurements)
-    ranges = Ranges.of(measurements.sought)
+    trials = [make_trial(measurements, name, one) for name, one in measurements.experiments.items()]
+    ranges = Ranges.of(measurements.config.sought)
     with OutputFolder(out) as folder:
         folder.clear((CARD, REFUSED, "calibration.json", "index.html"))
         store = Runs(folder.path, list_inputs(measurements))
@@ -76,7 +70,8 @@ def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings:
             found = search(fitted, ranges, store.simulate, runs=runs, seed=seed, report=progress.update)
         fits, checks, best = run_best(trials, ranges, found, store)
         verdict = judge(ranges, found, fits, checks)
-        advice = advise(measurements, trials, ranges, found, run_candidates(measurements, ranges, found, store))
+        possible = {trial.name: emulate(trial, ranges, found, store) for trial in make_candidates(measurements)}
+        advice = advise(measurements, trials, ranges, found, possible)
         card = make_card(measurements, verdict)
         folder.write_yaml(CARD if verdict.is_calibrated else REFUSED, card.model_dump(mode="json", exclude_none=True))
         folder.write_json("calibration.json", summarize(measurements, verdict, found, ranges, advice))
@@ -101,14 +96,12 @@ def run_best(trials: list[Trial], ranges: Ranges, found: Search, store: Runs
             checks.append(residual(trial, best[trial.name], covariance))
         else:
             own = ranges.numbers(found.posterior.best)
-            seeds = 1 if trial.is_direct else CHECK_RUNS
-            values = np.array([store.simulate(trial, own, CHECK_SEED + k) for k in range(seeds)])
-            best[trial.name] = values.mean(0)
-            variance: Any = 0.0
+            seeds = range(CHECK_SEED, CHECK_SEED + (1 if trial.is_direct else CHECK_RUNS))
+            best[trial.name] = np.mean([store.simulate(trial, own, seed) for seed in seeds], axis=0)
+            variance = np.zeros(len(trial.errors))
             if trial.name in found.emulators:
                 variance = found.emulators[trial.name].predict(found.posterior.best[None])[1][0] * trial.errors**2
-                variance = np.diag(variance)
-            fits.append(residual(trial, best[trial.name], variance))
+            fits.append(residual(trial, best[trial.name], np.diag(variance)))
     return fits, checks, best
 
 
@@ -122,11 +115,6 @@ def predict_held_out(trial: Trial, ranges: Ranges, found: Search, store: Runs) -
     return mean * trial.errors, covariance * np.outer(trial.errors, trial.errors)
 
 
-def run_candidates(measurements: Measurements, ranges: Ranges, found: Search, store: Runs) -> dict[str, Emulator]:
-    """Simulate the experiments that could be made with samples of the posterior; return their emulators by name."""
-    return {trial.name: emulate(trial, ranges, found, store) for trial in make_candidates(measurements)}
-
-
 def emulate(trial: Trial, ranges: Ranges, found: Search, store: Runs) -> Emulator:
     """Simulate a trial with samples of the posterior; return its emulator."""
     samples = found.posterior.samples
@@ -138,8 +126,8 @@ def emulate(trial: Trial, ranges: Ranges, found: Search, store: Runs) -> Emulato
 def list_inputs(measurements: Measurements) -> list[Any]:
     """Return what all runs depend on: experiments, data, card and code."""
     config = measurements.config.model_dump(exclude={"description", "sought"})
-    files = [Path(one.data).read_bytes().hex() for one in measurements.experiments.values()
-             if isinstance(one, HeapExperiment | PourExperiment)]
+    files = [Path(data).read_bytes().hex() for one in measurements.experiments.values()
+             if (data := getattr(one, "data", None))]
     return [config, files, measurements.card.model_dump(), code_digest("robosim.studies.calibration.experiment")]
 
 
@@ -151,20 +139,14 @@ def make_card(measurements: Measurements, verdict: Verdict) -> MaterialConfig:
     names = ", ".join(f"{one.name} ({measurements.config.experiments[one.name]['kind']})" for one in verdict.fits)
     changed: dict[str, Any] = {"description": measurements.config.description}
     for one in verdict.findings:
-        source = f"{describe(one, verdict)}; from {names}"
+        state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_determined else \
+            "NOT CALIBRATED, the data cannot tell it"
+        source = f"{', '.join([state, *verdict.cautions])}; 90 % interval {one.low:.4g} to {one.high:.4g}; from {names}"
         if one.name == WALL_FRICTION:
             changed[one.name] = {"value": one.best, "unit": "1", "source": source}
         else:
             changed[known[one.name]] = getattr(card, known[one.name]).model_copy(update={"source": source}).model_dump()
     return type(card).model_validate({**card.model_dump(), **changed})
-
-
-def describe(one: Finding, verdict: Verdict) -> str:
-    """Return where a number of the card comes from, in a line."""
-    state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_determined else \
-        "NOT CALIBRATED, the data cannot tell it"
-    state = ", ".join([state, *verdict.cautions])
-    return f"{state}; 90 % interval {one.low:.4g} to {one.high:.4g}"
 
 
 def summarize(measurements: Measurements, verdict: Verdict, found: Search, ranges: Ranges, advice: list[Advice]
@@ -173,7 +155,9 @@ def summarize(measurements: Measurements, verdict: Verdict, found: Search, range
     return {"is_calibrated": verdict.is_calibrated, "reasons": verdict.reasons, "cautions": verdict.cautions,
             "is_checked": bool(verdict.checks),
             "description": measurements.config.description, "material": measurements.config.material,
-            "numbers": {one.name: {**one._asdict(), "interval_over_range": one.width} for one in verdict.findings},
+            "numbers": {
+                one.name: {**one._asdict(), "is_determined": one.is_determined, "interval_over_range": one.width}
+                for one in verdict.findings},
             "correlation": {"names": list(ranges.names), "matrix": found.posterior.correlation().tolist()},
             "probability": verdict.probability, "fitted": [one._asdict() for one in verdict.fits],
             "held_out": [one._asdict() for one in verdict.checks],

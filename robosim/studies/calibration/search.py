@@ -45,7 +45,7 @@ class Ranges(NamedTuple):
 
     def numbers(self, point: np.ndarray) -> Numbers:
         """Return the numbers at a point (d,) in [0, 1]."""
-        return dict(zip(self.names, (self.lower + point * (self.upper - self.lower)).tolist()))
+        return dict(zip(self.names, self.scaled(point).tolist()))
 
     def scaled(self, points: np.ndarray) -> np.ndarray:
         """Return points (..., d) in [0, 1] in the numbers' own units."""
@@ -63,6 +63,7 @@ class Search(NamedTuple):
     """Whether the emulators no longer matter beside the errors of the readings."""
 
 
+@threadpool_limits.wrap(limits=1)  # of BLAS: on matrices of 50 x 50 its threads wait for one another
 def search(trials: Sequence[Trial], ranges: Ranges, run: Run, *, runs: int, seed: int = 0,
            report: Callable[[int], object] = lambda n: None) -> Search:
     """Search the ranges with at most `runs` simulations of each trial that has no closed form.
@@ -70,20 +71,13 @@ def search(trials: Sequence[Trial], ranges: Ranges, run: Run, *, runs: int, seed
     run: simulates; with the same seed the search asks for the same runs in the same order, so that it can be continued.
     report: is called after each run, with 1.
     """
-    with threadpool_limits(1):  # of BLAS: on matrices of 50 x 50 its threads wait for one another
-        return _search(trials, ranges, run, runs, seed, report)
-
-
-def _search(trials: Sequence[Trial], ranges: Ranges, run: Run, runs: int, seed: int,
-            report: Callable[[int], object]) -> Search:
-    """Search, see above."""
     d = len(ranges.names)
     simulated = [trial for trial in trials if not trial.is_direct]
     outputs: dict[str, list[np.ndarray]] = {trial.name: [] for trial in simulated}
     if not simulated:
         return Search(sample_posterior(likelihood(trials, ranges, {}), d, seed), {}, np.empty((0, d)), True)
-    waiting = list(qmc.Sobol(d, rng=np.random.default_rng(seed)).random(2 ** int(np.ceil(np.log2(FIRST_RUNS * d)))))
-    waiting, points = waiting[: min(FIRST_RUNS * d, runs)], []
+    filling = qmc.Sobol(d, rng=np.random.default_rng(seed)).random(2 ** int(np.ceil(np.log2(FIRST_RUNS * d))))
+    waiting, points = list(filling[: min(FIRST_RUNS * d, runs)]), []
     while True:
         for point in waiting:
             numbers = ranges.numbers(point)

@@ -1,7 +1,7 @@
 """Verdict: whether the best numbers explain the readings, whether these tell the numbers, and what would help."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
@@ -17,7 +17,7 @@ from robosim.studies.calibration.measurements import (
     ShearExperiment,
     TiltExperiment,
 )
-from robosim.studies.calibration.posterior import INTERVAL, Posterior
+from robosim.studies.calibration.posterior import INTERVAL
 from robosim.studies.calibration.search import Ranges, Search, predict
 
 LEAST_PROBABILITY = 0.01
@@ -29,8 +29,6 @@ SHEAR_ERROR = 0.05
 """Usual error of a shear cell, in the shear stress that it reads."""
 LEAST_ERROR = 1e-3
 """[Pa] Least error of a shear stress, as in a file of measurements."""
-NOT_CHECKED = "not checked on a held-out experiment"
-NOT_SETTLED = "search not settled, more runs would narrow the intervals"
 
 
 class Residual(NamedTuple):
@@ -43,7 +41,7 @@ class Residual(NamedTuple):
     probability: float
     """Of a chi square at least as large, were the errors as stated."""
     rms: float
-    """Root mean square difference in the experiment's unit."""
+    """Root mean square difference, in `unit`."""
     unit: str
 
     @property
@@ -62,13 +60,16 @@ class Finding(NamedTuple):
     least: float
     """Of its range; `most` likewise."""
     most: float
-    is_determined: bool
-    """Whether the data narrow its range."""
 
     @property
     def width(self) -> float:
         """Width of the interval over that of the same probability of its range."""
         return (self.high - self.low) / (INTERVAL * (self.most - self.least))
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether the data narrow its range."""
+        return self.width <= MOST_WIDTH
 
 
 class Verdict(NamedTuple):
@@ -92,7 +93,9 @@ class Verdict(NamedTuple):
 
 def judge(ranges: Ranges, found: Search, fits: list[Residual], checks: list[Residual]) -> Verdict:
     """Judge a search by the residuals of its best numbers."""
-    findings = make_findings(ranges, found.posterior)
+    low, high = ranges.scaled(found.posterior.intervals().T)
+    numbers = np.stack([ranges.scaled(found.posterior.best), low, high, ranges.lower, ranges.upper], axis=1)
+    findings = [Finding(name, *row) for name, row in zip(ranges.names, numbers.tolist())]
     total, count = sum(one.chi_square for one in fits), sum(one.readings for one in fits)
     probability = float(chi2.sf(total, max(count - len(findings), 1)))
     reasons = []
@@ -107,22 +110,10 @@ def judge(ranges: Ranges, found: Search, fits: list[Residual], checks: list[Resi
     reasons += [f"held-out experiment {one.name} is not predicted: it differs by {one.rms:.3g} {one.unit}, probability "
                 f"{one.probability:.2g} (accepted: {LEAST_PROBABILITY:g} or more)" for one in checks
                 if not one.is_explained]
-    cautions = [] if checks else [NOT_CHECKED]
+    cautions = [] if checks else ["not checked on a held-out experiment"]
     if not found.is_settled:
-        cautions.append(NOT_SETTLED)
+        cautions.append("search not settled, more runs would narrow the intervals")
     return Verdict(findings, fits, checks, probability, reasons, cautions)
-
-
-def make_findings(ranges: Ranges, posterior: Posterior) -> list[Finding]:
-    """Return what is found of each number."""
-    intervals = ranges.scaled(posterior.intervals().T).T
-    best = ranges.scaled(posterior.best)
-    findings = []
-    for k, name in enumerate(ranges.names):
-        low, high = intervals[k].tolist()
-        one = Finding(name, float(best[k]), low, high, float(ranges.lower[k]), float(ranges.upper[k]), True)
-        findings.append(one._replace(is_determined=one.width <= MOST_WIDTH))
-    return findings
 
 
 def residual(trial: Trial, values: np.ndarray, covariance: np.ndarray | float = 0.0) -> Residual:
@@ -131,9 +122,7 @@ def residual(trial: Trial, values: np.ndarray, covariance: np.ndarray | float = 
     Chi square is the squared Mahalanobis distance: numbers that are uncertain move all readings together.
     """
     difference = trial.readings - values
-    whole = np.diag(trial.errors**2) + covariance
-    square = float(difference @ np.linalg.solve(whole, difference))
-    n = len(difference)
+    square, n = float(difference @ np.linalg.solve(np.diag(trial.errors**2) + covariance, difference)), len(difference)
     return Residual(trial.name, trial.held_out, square, n, float(chi2.sf(square, n)),
                     float(np.sqrt((difference**2).mean())), trial.unit)
 
@@ -160,21 +149,16 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
     samples (Bayes linear; Goldstein & Wooff 2007), which needs no data of the measurement.
     """
     samples = found.posterior.samples[:: max(len(found.posterior.samples) // 400, 1)]
-    advice = []
-    for trial in trials:
-        if not trial.held_out:
-            mean, _ = predict(trial, samples, ranges, found.emulators)
-            advice.append(Advice(f"{trial.name} once more ({trial.kind})",
-                                 expected_widths(samples, mean, np.ones(mean.shape[1]), ranges.names)))
-    for name, emulator in possible.items():
-        mean, _ = emulator.predict(samples)
-        advice.append(Advice(f"{name} (candidate)", expected_widths(samples, mean, np.ones(mean.shape[1]),
-                                                                    ranges.names)))
+    means = {f"{trial.name} once more ({trial.kind})": predict(trial, samples, ranges, found.emulators)[0]
+             for trial in trials if not trial.held_out}
+    means |= {f"{name} (candidate)": emulator.predict(samples)[0] for name, emulator in possible.items()}
+    read = {name: (mean, np.ones(mean.shape[1])) for name, mean in means.items()}
     card = {key: getattr(measurements.card, field).value for key, field in number_names(measurements.card).items()}
     if "friction_angle_deg" in card:
         for name, one in candidates(card["density"], "wall_friction" in ranges.names).items():
             values = np.array([direct.predict(one, card | ranges.numbers(point)) for point in samples])
-            advice.append(Advice(name, expected_widths(samples, values, usual_errors(one, values) ** 2, ranges.names)))
+            read[name] = values, usual_errors(one, values) ** 2
+    advice = [Advice(name, expected_widths(samples, *one, ranges.names)) for name, one in read.items()]
     return sorted(advice, key=lambda one: -one.gain)
 
 
@@ -190,21 +174,17 @@ def usual_errors(one: Experiment, values: np.ndarray) -> np.ndarray:
 
 def candidates(density: float, has_wall: bool) -> dict[str, Experiment]:
     """Return measurements that nearly every laboratory can make, with the errors that they usually have."""
-    common: dict[str, Any] = {"held_out": False}
     stress = density * direct.G * 0.05  # of a layer of 5 cm
     found: dict[str, Experiment] = {
-        "tilted tray, layer of 5 mm, 3 x, error 1 deg": TiltExperiment(kind="tilt", angles=[30.0] * 3, noise=1.0,
-                                                                      depth=0.005, **common),
-        "tilted tray, layer of 50 mm, 3 x, error 1 deg": TiltExperiment(kind="tilt", angles=[30.0] * 3, noise=1.0,
-                                                                       depth=0.05, **common),
-        f"shear cell at {stress:.0f} and {4 * stress:.0f} Pa, error {100 * SHEAR_ERROR:.0f} %": ShearExperiment(
-            kind="shear", normal_stress=[stress, 4 * stress], shear_stress=[stress, stress],
-            noise=SHEAR_ERROR * stress, **common),
-        "cup of 100 ml, 3 x, error 1 %": CupExperiment(kind="cup", masses=[density * 1e-4] * 3, noise=density * 1e-6,
-                                                       volume=1e-4, **common)}
+        f"tilted tray, layer of {1e3 * depth:g} mm, 3 x, error 1 deg": TiltExperiment(
+            kind="tilt", angles=[30.0] * 3, noise=1.0, depth=depth) for depth in (0.005, 0.05)}
+    found[f"shear cell at {stress:.0f} and {4 * stress:.0f} Pa, error {100 * SHEAR_ERROR:.0f} %"] = ShearExperiment(
+        kind="shear", normal_stress=[stress, 4 * stress], shear_stress=[stress, stress], noise=SHEAR_ERROR * stress)
+    found["cup of 100 ml, 3 x, error 1 %"] = CupExperiment(
+        kind="cup", masses=[density * 1e-4] * 3, noise=density * 1e-6, volume=1e-4)
     if has_wall:
         found["tray of the wall's surface, tilted, 3 x, error 1 deg"] = TiltExperiment(
-            kind="tilt", angles=[20.0] * 3, noise=1.0, depth=0.01, slides_on="wall", **common)
+            kind="tilt", angles=[20.0] * 3, noise=1.0, depth=0.01, slides_on="wall")
     return found
 
 

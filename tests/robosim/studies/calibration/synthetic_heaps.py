@@ -7,8 +7,9 @@ import numpy as np
 import yaml
 
 from robosim.config.materials import load_material, overridden
-from robosim.studies.calibration.heap import rim, simulate_heap
+from robosim.studies.calibration.heap import simulate_heap
 from robosim.studies.calibration.measurements import HeapExperiment
+from robosim.studies.columns import rim
 
 SEED = 424_242
 """Of the heaps' particles and of the noise."""
@@ -27,7 +28,7 @@ def write_heaps(folder: Path, *, material: str, numbers: dict[str, float], sough
         table = {"kind": "heap", "data": f"{name}.npy", "unit": "mm", "scale": pixel, "noise": noise, "radius": radius,
                  "height": height, "floor_friction": 0.5, "held_out": name in held_out, **more}
         heap = HeapExperiment.model_validate({**table, "cells": cells})
-        half = int(np.ceil(1.25 * rim(radius, height) / pixel))
+        half = int(np.ceil(1.25 * rim(radius, height / radius) / pixel))
         axis = np.arange(-half, half + 1) * pixel
         distances = np.hypot(*np.meshgrid(axis, axis, indexing="ij"))
         map_ = simulate_heap(heap, card, 0.5, distances.ravel(), seed + k).reshape(distances.shape)
