@@ -8,14 +8,26 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+import mpm
 from robosim.base.errors import UnknownName
 from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
 from robosim.base.study import Job, Study
 from robosim.envs import TASKS
+from robosim.envs.batch import GrainBatch
+from robosim.envs.grain_env import GrainEnv
+from robosim.envs.vector import GrainVectorEnv
+from robosim.episode.play import play
 from robosim.studies.benchmarks import KINDS, RESET_TASKS
+from robosim.studies.benchmarks.resets import measure_resets
+from robosim.studies.evaluation.policies import ScriptedPolicy
+from robosim.studies.verification.cases import find
+from robosim.studies.verification.stability.coupled import build_scene
 
 REPEATS = 5
 RESETS = "resets_"
@@ -34,8 +46,6 @@ def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
 
 def measure_coupling() -> dict[str, float]:
     """Time a coupled step of a free box of 10 g on a tray of sand, and the part outside the field."""
-    from robosim.studies.verification.stability.coupled import build_scene
-
     plugin = build_scene(0.01, 2e-3, "mobility", half=0.01, lift=0.0, bed=(0.08, 0.08, 0.0208))
     for _ in range(50):
         plugin.step()
@@ -46,8 +56,6 @@ def measure_coupling() -> dict[str, float]:
 
 def measure_kinematics() -> dict[str, float]:
     """Time the inverse kinematics of poses of the arm, from mid-range to 1e-6."""
-    from robosim.studies.verification.cases import find
-
     record = find("ik_poses")(poses=500)
     return {"inverse kinematics, mean [ms]": record.readings["mean_ms"],
             "inverse kinematics, 95th percentile [ms]": record.readings["p95_ms"],
@@ -56,10 +64,6 @@ def measure_kinematics() -> dict[str, float]:
 
 def measure_environment(name: str, arm: bool = False) -> dict[str, float]:
     """Time an episode of the scripted policy; arm: with the whole arm."""
-    from robosim.envs.grain_env import GrainEnv
-    from robosim.episode.play import play
-    from robosim.studies.evaluation.policies import ScriptedPolicy
-
     env = GrainEnv(task=name, arm=arm)
 
     def episode() -> None:
@@ -72,11 +76,6 @@ def measure_environment(name: str, arm: bool = False) -> dict[str, float]:
 
 def measure_side_by_side(name: str = "SpoonTranslate", n: int = 8) -> dict[str, float]:
     """Time n environments with a process for each core, and one alone."""
-    import numpy as np
-
-    from robosim.envs.batch import GrainBatch
-    from robosim.envs.vector import GrainVectorEnv
-
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
 
@@ -93,17 +92,8 @@ def measure_side_by_side(name: str = "SpoonTranslate", n: int = 8) -> dict[str, 
             "memory of one more environment [MB]": GrainBatch(name, 1).batch.bytes_each / 1e6}
 
 
-def measure_resets(name: str, kind: str) -> dict[str, float]:
-    """Time randomized resets against nominal ones, see `robosim.studies.benchmarks.resets`."""
-    from robosim.studies.benchmarks import resets
-
-    return resets.measure_resets(name, kind)
-
-
 def measure_rendering() -> dict[str, float]:
     """Time pictures of a sub-task."""
-    from robosim.envs.grain_env import GrainEnv
-
     env = GrainEnv(render_mode="rgb_array", task="SpoonScoop")
     env.reset(seed=0)
     env.render()
@@ -112,10 +102,9 @@ def measure_rendering() -> dict[str, float]:
 
 PARTS: dict[str, Callable[[], dict[str, float]]] = {
     "coupling": measure_coupling, "kinematics": measure_kinematics, "rendering": measure_rendering,
-    **{name: lambda name=name: measure_environment(name) for name in TASKS}, "side_by_side": measure_side_by_side,
-    **{f"arm_{name}": lambda name=name: measure_environment(name, arm=True) for name in TASKS},
-    **{f"{RESETS}{kind}_{name}": lambda name=name, kind=kind: measure_resets(name, kind)
-       for kind in KINDS for name in RESET_TASKS},
+    **{name: partial(measure_environment, name) for name in TASKS}, "side_by_side": measure_side_by_side,
+    **{f"arm_{name}": partial(measure_environment, name, arm=True) for name in TASKS},
+    **{f"{RESETS}{kind}_{name}": partial(measure_resets, name, kind) for kind in KINDS for name in RESET_TASKS},
 }
 DEFAULT_PARTS = [name for name in PARTS if not name.startswith(RESETS)]
 """What is measured where no part is named; the twelve parts of resets are asked for by name."""
@@ -149,7 +138,5 @@ def bench(parts: list[str], out: Path | None) -> int:
 
 def measure_part(name: str) -> dict[str, float]:
     """Measure one part; return its figures."""
-    import mpm
-
     mpm.init()
     return PARTS[name]()

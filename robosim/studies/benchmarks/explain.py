@@ -16,7 +16,6 @@ from robosim.studies.benchmarks.scene_run import FRACTIONS
 from robosim.tasks.task import is_task
 
 SCENE_RUN = "robosim.studies.benchmarks.scene_run"
-"""Module that runs a scene at a setting."""
 OWN: dict[str, float] = {}
 """The scene's own setting."""
 FINEST = {"task": {"cell": 0.8, "dt": 0.8}, "rehearsal": {"cell": 0.8}}

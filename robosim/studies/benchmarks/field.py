@@ -1,7 +1,6 @@
 """`robosim bench field`: nanoseconds per particle and substep, with reference programs timed in the same run."""
 
 import json
-import re
 import shutil
 import statistics
 import subprocess
@@ -18,12 +17,13 @@ from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.output_folder import OutputFolder
 from robosim.studies.benchmarks import FIELD_SCENES
 from robosim.studies.verification.cases.coupling.shell_leak import AXES, bowl
+from robosim.studies.verification.report import YARDSTICK, YARDSTICK_FIGURE, run_yardstick
 
 YARDSTICKS = {
-    "reference_layout.py": ("reference", r'"ns_per_particle_substep": ([0-9.]+)'),
-    "lane_fused.py": ("prototype", r"ns/particle-substep ([0-9.]+)"),
+    YARDSTICK: ("reference", (), YARDSTICK_FIGURE),
+    "lane_fused.py": ("prototype", ("bench",), r"ns/particle-substep ([0-9.]+)"),
 }
-"""Python script in the folder given by --yardsticks -> (name, pattern of the figure in its output)."""
+"""Python script in the folder given by --yardsticks -> (name, arguments, pattern of the figure in its output)."""
 PROBE, PROBE_SPEED = "limit_probe.cpp", r"total ([0-9.]+) Mp/s"
 """C++ program of that folder, built where there is a compiler, and the pattern of its million particles a second."""
 NODES = 64
@@ -82,17 +82,10 @@ def _in_fresh_process(scene: str, grains: int, threads: int, arch: str) -> dict[
 
 def _time_yardsticks(folder: Path, grains: int) -> dict[str, float]:
     """Return nanoseconds per particle and substep of the reference programs in a folder, by name."""
-    figures = {}
-    for file, (name, pattern) in YARDSTICKS.items():
-        if (folder / file).is_file():
-            arguments = [str(grains)] if name == "reference" else ["bench", str(grains)]
-            process = subprocess.run([sys.executable, str(folder / file), *arguments], capture_output=True, text=True)
-            match = re.search(pattern, process.stdout)
-            if match:
-                figures[name] = float(match.group(1))
-    limit = _time_probe(folder / PROBE, grains)
-    if limit is not None:
-        figures["limit"] = limit
+    found = {name: run_yardstick([sys.executable, str(folder / file), *words, str(grains)], pattern)
+             for file, (name, words, pattern) in YARDSTICKS.items() if (folder / file).is_file()}
+    found["limit"] = _time_probe(folder / PROBE, grains)
+    figures = {name: figure for name, figure in found.items() if figure is not None}
     for name, ns in figures.items():
         print(json.dumps({"case": "bench_field", "yardstick": name, "grains": grains, "ns": round(ns, 3)}), flush=True)
     return figures
@@ -108,9 +101,8 @@ def _time_probe(source: Path, grains: int) -> float | None:
         options = ["-O3", "-march=native", "-ffast-math", "-std=c++17", str(source), "-o", str(built)]
         if subprocess.run([compiler, *options], capture_output=True).returncode != 0:
             return None
-        process = subprocess.run([str(built), str(grains)], capture_output=True, text=True)
-    match = re.search(PROBE_SPEED, process.stdout)
-    return 1e3 / float(match.group(1)) if match else None
+        speed = run_yardstick([str(built), str(grains)], PROBE_SPEED)
+    return None if speed is None else 1e3 / speed
 
 
 def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float]:
@@ -139,10 +131,8 @@ def build_scene(scene: str, grains: int) -> mpm.Solver:
     """Build a block of particles on the floor of a unit cube, with the scene's law and collider."""
     edge = (grains / 8) ** (1 / 3)
     cell = 1.0 / max(NODES, int(np.ceil((edge + MARGIN) / (1.0 - CORNER))))
-    laws = {
-        "fluid": mpm.NewtonianFluid(bulk_modulus=1000.0, density=1.0),
-        "clay": mpm.VonMises(E=1000.0, nu=0.2, density=1.0, yield_stress=10.0),
-    }
+    laws = {"fluid": mpm.NewtonianFluid(bulk_modulus=1000.0, density=1.0),
+            "clay": mpm.VonMises(E=1000.0, nu=0.2, density=1.0, yield_stress=10.0)}
     law = laws.get(scene, mpm.DruckerPrager(E=1000.0, nu=0.2, density=1.0, friction_angle_deg=30.0))
     side = edge * cell
     corner = np.array([CORNER, CORNER, 2 * cell])

@@ -1,5 +1,6 @@
 """Parts of a scene: what a solver compiles and allocates for it, with the reason, and the seconds that parts take."""
 
+import math
 import time
 from collections import defaultdict
 from typing import Any, NamedTuple
@@ -68,14 +69,8 @@ def list_parts(solver: mpm.Solver) -> list[Part]:
 
 def field_bytes(fields: list) -> int:
     """Return the bytes of taichi fields; None counts as 0."""
-    total = 0
-    for field in fields:
-        if field is not None:
-            numbers = 1
-            for extent in (*field.shape, *(getattr(field, "n", 1), getattr(field, "m", 1))):
-                numbers *= extent
-            total += numbers * (8 if field.dtype in (ti.f64, ti.i64) else 4)
-    return total
+    return sum(math.prod((*field.shape, getattr(field, "n", 1), getattr(field, "m", 1)))
+               * (8 if field.dtype in (ti.f64, ti.i64) else 4) for field in fields if field is not None)
 
 
 class Stopwatch:

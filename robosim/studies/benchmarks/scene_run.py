@@ -8,7 +8,14 @@ import numpy as np
 import mpm
 from robosim.config.materials import MaterialConfig, load_material, overridden
 from robosim.config.rehearsal import load_rehearsal
+from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import play
+from robosim.planning.learned_motions import place_target
+from robosim.planning.plan import plan_motion
+from robosim.rehearsal.metrics import compute_figures
+from robosim.rehearsal.run import RehearsalRun
 from robosim.studies.benchmarks.scene_parts import Stopwatch, list_parts
+from robosim.studies.evaluation.policies import ScriptedPolicy
 from robosim.tasks.task import is_task, load_task
 
 DOSED = ("poured", "spilled", "held")
@@ -44,15 +51,10 @@ def scaled_stiffness(material: MaterialConfig, setting: dict[str, float]) -> dic
 
 def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """Run an episode of the scripted policy, without the arm."""
-    from robosim.envs.grain_env import GrainEnv
-    from robosim.episode.play import play
-    from robosim.studies.evaluation.policies import ScriptedPolicy
-
     task = load_task(name)
     dt = task.field.dt and task.step_dt / max(1, round(task.step_dt / (task.field.dt * setting.get("dt", 1.0))))
     field = task.field.model_copy(update={"cell": task.field.cell * setting.get("cell", 1.0), "dt": dt})
-    material = load_material(task.material)
-    numbers: dict[str, Any] = dict(scaled_stiffness(material, setting))
+    numbers: dict[str, Any] = dict(scaled_stiffness(load_material(task.material), setting))
     env = GrainEnv(task=task.model_copy(update={"field": field}), **numbers)
     observation, _ = env.reset(options={"nominal": True})
     env.solver.compile()
@@ -74,17 +76,11 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
 
 def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """Run a rehearsal with the whole arm, without film."""
-    from robosim.planning.learned_motions import place_target
-    from robosim.planning.plan import plan_motion
-    from robosim.rehearsal.metrics import compute_figures
-    from robosim.rehearsal.run import RehearsalRun
-
     config = place_target(load_rehearsal(name))
     cell = config.field.cell * setting.get("cell", 1.0)
     field = config.field.model_copy(update={"cell": cell, "grains_per_cell": config.field.grains_per_cell
                                             * setting.get("grains_per_cell", 1.0)})
-    is_shell = config.tool_wall == "shell"
-    wall = "shell" if is_shell else float(np.clip(config.solid_wall, 0.5 * cell, cell))
+    wall = "shell" if config.tool_wall == "shell" else float(np.clip(config.solid_wall, 0.5 * cell, cell))
     config = config.model_copy(update={"field": field, "tool_wall": wall})
     material = load_material(config.material)
     material = overridden(material, scaled_stiffness(material, setting))
@@ -97,8 +93,9 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     run.run(lambda: None)
     figures = compute_figures(run)
     names = {"scooped_mass_kg": "scooped_mass_kg", "wrist_payload_kg": "wrist_payload_kg",
-             "delivered": "delivered_fraction", "spilled": "spilled_fraction"}
-    names |= {"dose_kg": "dose_kg"} if config.dose is not None else {}
-    readings = {name: float(figures[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
-                if key != "wrist_payload_kg" or config.weigh_at is not None}  # a shovel does not weigh its load
+             "delivered": "delivered_fraction", "spilled": "spilled_fraction", "dose_kg": "dose_kg"}
+    lacking = {"dose_kg"} if config.dose is None else set()
+    lacking |= {"wrist_payload_kg"} if config.weigh_at is None else set()  # a shovel does not weigh its load
+    readings = {name: float(figures[key])  # pyright: ignore[reportArgumentType]
+                for name, key in names.items() if name not in lacking}
     return make_result(run.solver, stopwatch, run.wall_time, run.time, readings)

@@ -30,8 +30,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     name: of the policy, or its file, whose own options of the environment prevail. episodes: None: five, or one where
     all are the same because they begin at the task's own start (nominal). seed: of the first; the next one's is one
     higher. changed: top-level keys of the task that differ on purpose from what the policy was learned on. options: of
-    the environment. Returns 0.
-    Raises ConfigError, UnknownName for what cannot be used, before any work.
+    the environment. Returns 0. Raises ConfigError, UnknownName for what cannot be used, before any work.
     """
     episodes = episodes or (1 if nominal else 5)
     options |= training_options(name)

@@ -19,22 +19,18 @@ from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.dosing_policy import numbers_of
 from robosim.studies.evaluation.material_episode import OWN
-from robosim.studies.evaluation.material_tables import Rows, draw_map, format_table, make_rows, write_csv
 from robosim.studies.evaluation.page import make_materials_page
 from robosim.studies.evaluation.policies import load_policy
+from robosim.studies.evaluation.tables import Rows, draw_map, format_table, make_rows, write_csv
 from robosim.tasks.task import load_task
-
-EPISODE = "robosim.studies.evaluation.material_episode"
-"""Module that runs one episode."""
 
 
 def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int = 1,
               launcher: Launcher | None = None) -> int:
     """Run a policy's motion of every task in all materials, and write tables, a picture and a page into a folder.
 
-    Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes,
-    here; launcher: runs the episodes elsewhere.
-    Returns 0, or 1 where a process failed; the same command then continues.
+    Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes, here;
+    launcher: runs the episodes elsewhere. Returns 0, or 1 where a process failed; the same command then continues.
     Raises UnknownName for a task that does not exist, ConfigError for a motion that does not fit.
     """
     tasks = list(dict.fromkeys(tasks))
@@ -43,11 +39,11 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
         check_policy(task, name)
     if len({task_name(task) for task in tasks}) < len(tasks):
         raise ConfigError(f"tasks {', '.join(tasks)}: two have the same name; accepted: files of different names")
-    work = [Job(f"{EPISODE}:play_in_material", {"task": task, "name": name, "label": label}, depends=inputs)
+    work = [Job("robosim.studies.evaluation.material_episode:play_in_material",
+                {"task": task, "name": name, "label": label}, depends=inputs)
             for task in tasks for inputs in [list_inputs(task, name)] for label in [OWN, *MATERIALS]]
+    episodes, failed = dict[str, Rows](), []
     with OutputFolder(out) as folder:
-        episodes: dict[str, Rows] = {}
-        failed = []
         for row in Study(folder.path, jobs, launcher).rows(work, "materials", "episodes"):
             task, label = row.job.arguments["task"], row.job.arguments["label"]
             if row.failed:
@@ -100,8 +96,7 @@ def write_tables(folder: OutputFolder, name: str, rows_by_task: dict[str, Rows])
                                   for material, values in rows_by_task[task].items()]
     folder.write_json("materials.json", {"policy": name, "rows": rows})
     folder.write("materials.csv", lambda path: write_csv(path, rows))
-    folder.write("materials.png", lambda path: draw_map(path, tasks, rows_by_task))
-    page = make_materials_page(name, rows, (folder.path / "materials.png").read_bytes())
-    folder.write_text("index.html", page.html())
+    picture = folder.write("materials.png", lambda path: draw_map(path, tasks, rows_by_task)).read_bytes()
+    folder.write_text("index.html", make_materials_page(name, rows, picture).html())
     print(format_table(tasks, rows_by_task))
     print(folder.path / "index.html")

@@ -1,30 +1,28 @@
 """A policy on a suite, beside the recorded motion, the script and no motion from the same starts."""
 
-import csv
+import tempfile
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)
-import numpy as np  # noqa: E402
-
-from robosim.base.errors import ConfigError  # noqa: E402
-from robosim.base.output_folder import OutputFolder, aligned  # noqa: E402
-from robosim.base.progress import Progress  # noqa: E402
-from robosim.base.provenance import provenance  # noqa: E402
-from robosim.base.resources import trained  # noqa: E402
-from robosim.dosing import CONTROLLERS  # noqa: E402
-from robosim.envs import is_task_file, task_name  # noqa: E402
-from robosim.envs.grain_env import GrainEnv  # noqa: E402
-from robosim.episode.play import play, read_scores  # noqa: E402
-from robosim.studies.evaluation import POLICIES  # noqa: E402
-from robosim.studies.evaluation.page import make_suite_page  # noqa: E402
-from robosim.studies.evaluation.policies import check_task, load_policy, make_policy, training_options  # noqa: E402
-from robosim.studies.evaluation.suites import Start, begin_episode, make_environment, plan_starts  # noqa: E402
-from robosim.tasks.task import TaskConfig, load_task  # noqa: E402
+from robosim.base.errors import ConfigError
+from robosim.base.output_folder import OutputFolder, aligned
+from robosim.base.progress import Progress
+from robosim.base.provenance import provenance
+from robosim.base.resources import trained
+from robosim.dosing import CONTROLLERS
+from robosim.envs import is_task_file, task_name
+from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import play, read_scores
+from robosim.studies.evaluation import POLICIES
+from robosim.studies.evaluation.page import make_suite_page
+from robosim.studies.evaluation.policies import check_task, load_policy, make_policy, training_options
+from robosim.studies.evaluation.suites import Start, begin_episode, make_environment, plan_starts
+from robosim.studies.evaluation.tables import write_csv
+from robosim.tasks.task import TaskConfig, load_task
 
 EPISODES = 50
 """Episodes of a suite, if no other number is given."""
@@ -56,14 +54,13 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
     config, found = load_task(task), find_policy(name)
     check_task(found, config, changed)
     starts = plan_starts(suite, config, episodes or EPISODES, material)
-    files = {label: policy_file(policy, task) for label, policy in
-             {name: found, **{other: other for other in compared(config) if other != found and not alone}}.items()
-             if policy != "learned" or label == name or trained(task_name(task)) is not None}
+    others = {other: other for other in compared(config) if other != found and not alone
+              and (other != "learned" or trained(task_name(task)) is not None)}
+    files = {label: policy_file(policy, task) for label, policy in {name: found, **others}.items()}
     rows: list[Row] = []
-    with OutputFolder(out) if out else _NoFolder() as folder:
+    with tempfile.TemporaryDirectory() as scratch, OutputFolder(out or Path(scratch)) as folder:
         folder.clear(RESULTS)
-        progress = Progress(total=len(files) * len(starts), desc=f"{task_name(task)}, {suite}",
-                            unit="episodes")
+        progress = Progress(total=len(files) * len(starts), desc=f"{task_name(task)}, {suite}", unit="episodes")
         for world in dict.fromkeys(start.world for start in starts):
             members = [(k, start) for k, start in enumerate(starts) if start.world == world]
             for label, policy in files.items():
@@ -72,34 +69,17 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
                     rows.append({"policy": label, "episode": k, **score_start(env, policy, start)})
                     progress.update()
                     rows.sort(key=lambda row: (list(files).index(row["policy"]), row["episode"]))
-                    folder.write("evaluation.csv", lambda path: write_rows(path, rows))
+                    folder.write("evaluation.csv", lambda path: write_csv(path, rows))
                 env.close()
                 folder.write_json("evaluation.json", {
                     "task": task, "policy": name, "suite": suite, "made_by": provenance(),
                     "is_complete": len(rows) == progress.total, "policies": summarize(rows)})
         progress.close()
-        folder.write("evaluation.png", lambda path: draw(path, rows, f"{task_name(task)}, suite {suite}"))
-        if isinstance(folder, OutputFolder):
-            page = make_suite_page(f"{task_name(task)}, suite {suite}", summarize(rows), rows,
-                                   (folder.path / "evaluation.png").read_bytes())
-            folder.write_text("index.html", page.html())
-    print(format_summary(summarize(rows)))
+        title, summary = f"{task_name(task)}, suite {suite}", summarize(rows)
+        picture = folder.write("evaluation.png", lambda path: draw(path, rows, title)).read_bytes()
+        folder.write_text("index.html", make_suite_page(title, summary, rows, picture).html())
+    print(format_summary(summary))
     return 0
-
-
-class _NoFolder:
-    """In place of an output folder where nothing is written."""
-
-    def __enter__(self) -> "_NoFolder":
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        pass
-
-    def clear(self, *_: Any) -> None:
-        """Do nothing."""
-
-    write = write_json = clear
 
 
 def compared(task: TaskConfig) -> tuple[str, ...]:
@@ -184,27 +164,17 @@ def format_summary(summary: dict[str, dict[str, Any]]) -> str:
     return aligned(lines)
 
 
-def write_rows(path: Path, rows: list[Row]) -> None:
-    """Write a line an episode."""
-    with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
-        table.writeheader()
-        table.writerows(rows)
-
-
 def draw(path: Path, rows: list[Row], title: str) -> None:
     """Draw the scores of every policy's episodes, with means and their intervals."""
-    figure, axes = plt.subplots(figsize=(7.5, 4.0), constrained_layout=True)
-    summary = summarize(rows)
+    figure = Figure(figsize=(7.5, 4.0), layout="constrained")
+    axes, summary = figure.subplots(), summarize(rows)
     for place, (policy, values) in enumerate(summary.items()):
         scores = [row["tcs"] for row in rows if row["policy"] == policy]
         spread = np.linspace(-0.25, 0.25, len(scores)) if len(scores) > 1 else np.zeros(1)
         axes.plot(place + spread, scores, ".", ms=4, alpha=0.6)
-        low, high = values["tcs"]["interval"]
-        axes.errorbar(place + 0.35, values["tcs"]["mean"], [[values["tcs"]["mean"] - low],
-                                                            [high - values["tcs"]["mean"]]], fmt="ko", capsize=4, ms=4)
+        mean, (low, high) = values["tcs"]["mean"], values["tcs"]["interval"]
+        axes.errorbar(place + 0.35, mean, [[mean - low], [high - mean]], fmt="ko", capsize=4, ms=4)
     axes.set_xticks(range(len(summary)), [Path(policy).name for policy in summary])
     axes.set(title=title, ylabel="task completion score")
     axes.grid(axis="y", alpha=0.3)
     figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -65,18 +65,19 @@ def verdict(rows: Rows, failed: dict[int, str]) -> str:
     """Return in words how many runs held every bound."""
     drawn = [row for seed, row in rows.items() if seed]
     missed = sum(bool(row["missed"]) for row in drawn)
-    lacking = f"; {len(failed)} without a result" if failed else ""
     with_errors = f"missed in {missed} of {len(drawn)} runs with errors"
     if 0 not in rows:
-        return f"no result with the exact model; {with_errors}{lacking}"
-    if rows[0]["missed"]:
-        return f"missed with the exact model; {with_errors}{lacking}"
-    if missed:
-        return f"holds only with the exact model: {with_errors}{lacking}"
-    if not drawn:
-        return f"held with the exact model; no result with errors{lacking}"
-    return f"every bound held in {len(rows)} of {len(rows) + len(failed)} runs, with the exact model and with errors" \
-           f"{lacking}"
+        text = f"no result with the exact model; {with_errors}"
+    elif rows[0]["missed"]:
+        text = f"missed with the exact model; {with_errors}"
+    elif missed:
+        text = f"holds only with the exact model: {with_errors}"
+    elif not drawn:
+        text = "held with the exact model; no result with errors"
+    else:
+        every = len(rows) + len(failed)
+        text = f"every bound held in {len(rows)} of {every} runs, with the exact model and with errors"
+    return text + (f"; {len(failed)} without a result" if failed else "")
 
 
 def find_worst(rows: Rows, name: str, bound: Bound) -> tuple[float | None, int]:
@@ -111,11 +112,11 @@ def make_page(config: RehearsalConfig, rows: Rows, failed: dict[int, str]) -> tu
                           "missed" if is_missed else "held"])
     page.add_table(["figure", "unit", "exact model", "worst", "run", "accepted from", "to", "verdict"], table)
     page.add_heading("Runs")
-    drawn = [name for row in rows.values() for name in (row.get("model_errors") or {})]
-    names = list(dict.fromkeys(drawn))
+    errors = {seed: row.get("model_errors") or {} for seed, row in rows.items()}
+    names = list(dict.fromkeys(name for drawn in errors.values() for name in drawn))
     page.add_table(["run", "verdict", *names, "missed"],
                    [[run_folder(Path(), seed).name, "missed" if row["missed"] else "held",
-                     *(shorten((row.get("model_errors") or {}).get(name)) for name in names), "; ".join(row["missed"])]
+                     *(shorten(errors[seed].get(name)) for name in names), "; ".join(row["missed"])]
                     for seed, row in rows.items()])
     page.add_text("Each run has a folder of its own, with a page.")
     return page, holds

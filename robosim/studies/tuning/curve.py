@@ -43,8 +43,9 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
     start = Start(seed, material or config.material)
     curves: list[list[tuple[float, float]]] = []
     with OutputFolder(out) as folder:
-        env = make_environment(lengthened(config, most_deg / rate_deg + APPROACH), start, obs=list(TERMS))
-        loads = []
+        steps = round((most_deg / rate_deg + APPROACH) / config.step_dt)
+        longer = validate(config.model_dump() | {"steps": steps}, Path("curve"), TaskConfig)
+        env, loads = make_environment(longer, start, obs=list(TERMS)), []
         for k in Progress(range(episodes), desc=f"{task_name(task)}, pour curve", unit="episodes"):
             points, load, reason = pour_slowly(env, seed + k, given.motion, rate_deg, most_deg)
             if reason:
@@ -89,20 +90,13 @@ def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:
         amplitude=vibration.amplitude, frequency=sum(vibration.frequency) / 2.0))
 
 
-def lengthened(config: TaskConfig, duration: float) -> TaskConfig:
-    """Return a task with episodes of a duration [s]."""
-    return validate(config.model_dump() | {"steps": round(duration / config.step_dt)}, Path("curve"), TaskConfig)
-
-
 def pour_slowly(env: GrainEnv, seed: int, numbers: MotionNumbers, rate_deg: float,
                 most_deg: float) -> tuple[list[tuple[float, float]], float, str]:
     """Tilt the tool once; return tilts [deg] with the masses poured [kg], the load [kg], and why it diverged or ""."""
     observation, _ = env.reset(seed=seed)
     load = env.carrier.setting.grain_mass * env.task.grains.count
-    view = ToolView(env)
-    motion = ToolMotion(numbers, env.action_repeat * env.task.step_dt)
-    points: list[tuple[float, float]] = []
-    is_tilting = False
+    view, motion = ToolView(env), ToolMotion(numbers, env.action_repeat * env.task.step_dt)
+    points, is_tilting = list[tuple[float, float]](), False
 
     def tilt_slowly(observation: Any) -> np.ndarray:
         nonlocal is_tilting

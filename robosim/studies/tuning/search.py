@@ -16,8 +16,6 @@ from robosim.studies.tuning.choices import GENERATION, draw_choice
 from robosim.studies.tuning.cost import summarize_doses
 from robosim.tasks.task import load_task
 
-WORKER = "robosim.studies.tuning.trial"
-FILE, NUMBERS = "tune.json", "numbers.yaml"
 SHOWN = ("cost", "success_rate", "error_g", "error_g_std", "seconds", "spilled_g")
 """Figures that are printed."""
 
@@ -48,23 +46,21 @@ def tune(task: str, controller: str, out: Path, options: SearchOptions, *, jobs:
     choices, episodes, seed, material, randomize = options
     config = load_task(task)
     numbers = numbers_of(config, controller)
-    given = {"task": task, "controller": controller, "material": material or config.material, "randomize": randomize,
-             "config": config.model_dump(mode="json", exclude={"description"})}
+    same = {"controller": controller, "material": material or config.material, "randomize": randomize}
+    table = config.model_dump(mode="json", exclude={"description"})
     made_by, duration = provenance(), numbers.motion.duration
-    head = {"made_by": made_by, "task": given["config"], "controller": controller, "seed": seed, "episodes": episodes,
-            "numbers": numbers.model_dump(mode="json", exclude={"source"}), "material": given["material"],
-            "randomize": randomize}
+    head = {"made_by": made_by, "task": table, **same, "seed": seed, "episodes": episodes,
+            "numbers": numbers.model_dump(mode="json", exclude={"source"})}
     with OutputFolder(out) as folder:
-        study, drawn, rows = Study(folder.path, jobs, launcher), [numbers], {}
-        failed: dict[int, str] = {}
+        study, drawn, rows, failed = Study(folder.path, jobs, launcher), [numbers], {}, dict[int, str]()
         with Progress(total=choices, desc=f"{task_name(task)}, {controller}", unit="choices") as progress:
             while not failed and (waiting := _next(choices, rows)):
                 costs = {k: summarize_doses(row, duration)["cost"] for k, row in rows.items()}
                 for k in range(len(drawn), waiting[-1] + 1):
                     drawn.append(draw_choice(controller, numbers, k, seed, costs, drawn))
-                trials = [Job(f"{WORKER}:run_trial", {"search": given, "numbers": drawn[k].model_dump(mode="json"),
-                                                      "seed": seed, "count": episodes},
-                              places={"folder": str(study.store.folder)}) for k in waiting]
+                trials = [Job("robosim.studies.tuning.trial:run_trial", {
+                    "search": {"task": task, "config": table, **same}, "numbers": drawn[k].model_dump(mode="json"),
+                    "seed": seed, "count": episodes}, places={"folder": str(study.store.folder)}) for k in waiting]
                 for index, row in study.run(trials):
                     if row.failed:
                         failed[waiting[index]] = row.failed
@@ -74,8 +70,7 @@ def tune(task: str, controller: str, out: Path, options: SearchOptions, *, jobs:
                         progress.update()
         if rows:
             best = find_best(rows, duration)
-            table = drawn[best].model_dump(mode="json") | {"source": made_by["command"]}
-            folder.write_yaml(NUMBERS, table)
+            folder.write_yaml("numbers.yaml", drawn[best].model_dump(mode="json") | {"source": made_by["command"]})
             print(format_search(rows, duration, best))
     for k, reason in failed.items():
         print(f"failed: choice {k}: {reason}; what is finished is kept, run the same command again to continue",
@@ -110,5 +105,5 @@ def _write(folder: OutputFolder, values: dict[str, Any], drawn: list[DosingNumbe
     duration = drawn[0].motion.duration
     listed = [{"numbers": one.model_dump(mode="json"), "episodes": rows.get(k, []),
                "figures": summarize_doses(rows[k], duration) if k in rows else None} for k, one in enumerate(drawn)]
-    folder.write_json(FILE, {**values, "best": find_best(rows, duration) if rows else None,
-                             "is_complete": all(k in rows for k in range(choices)), "choices": listed})
+    folder.write_json("tune.json", {**values, "best": find_best(rows, duration) if rows else None,
+                                    "is_complete": all(k in rows for k in range(choices)), "choices": listed})

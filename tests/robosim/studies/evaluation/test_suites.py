@@ -1,4 +1,4 @@
-"""Suites of held-out starts: the same for every policy, and what a turned start does to the grains."""
+"""Suites of held-out starts, the same for every policy; what a turned start does to the grains; tables of doses."""
 
 import csv
 import json
@@ -9,11 +9,14 @@ import pytest
 
 from robosim.base.errors import ConfigError, RobosimError, UnknownName
 from robosim.commands.runs.evaluate import check_policy, find_network
+from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
 from robosim.randomization.materials import MATERIALS
+from robosim.studies.evaluation import evaluate as one_task
+from robosim.studies.evaluation import suite_run
 from robosim.studies.evaluation.evaluate import evaluate
 from robosim.studies.evaluation.policies import check_task
-from robosim.studies.evaluation.suite_run import bootstrap, evaluate_suite, find_policy
+from robosim.studies.evaluation.suite_run import COMPARED, bootstrap, compared, evaluate_suite, find_policy
 from robosim.studies.evaluation.suites import plan_starts
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task
@@ -164,3 +167,34 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     for shift in ((0.0, 0.0), "left", (0.0, 0.0, np.nan)):
         with pytest.raises(ConfigError, match="three lengths"):
             GrainEnv(task="SpoonTranslate").reset(seed=0, options={"shift": shift})
+
+
+ERRORS = {"pi": (0.1e-3, -0.3e-3), "open_loop": (5e-3, 3e-3)}
+ROWS = [{"policy": policy, "episode": k, "return": 8.0, "tcs": 8.0, "is_success": abs(error) < 0.3e-3, "diverged": "",
+         "dose_error": error, "dose_error_percent": 1e4 * error, "seconds": 12.0 + k, "spilled": 0.2e-3 * k}
+        for policy, errors in ERRORS.items() for k, error in enumerate(errors)]
+
+
+def test_a_suite_has_error_spread_time_and_spilled_mass() -> None:
+    summary = suite_run.summarize(ROWS)
+    assert summary["pi"]["dose_error"]["mean"] == pytest.approx(-0.1e-3)
+    assert summary["pi"]["dose_error"]["std"] == pytest.approx(0.2e-3)
+    low, high = summary["open_loop"]["dose_error"]["interval"]
+    assert low == pytest.approx(3e-3) and high == pytest.approx(5e-3)
+    head, first, second = suite_run.format_summary(summary).splitlines()
+    assert head.split()[:2] == ["policy", "success"] and "spread [g]" in head and "spilled [g]" in head
+    assert first.split()[-5:] == ["-0.10", "0.20", "12.5", "0.10", "2"] and first.startswith("pi ")
+    assert second.split()[-5:] == ["4.00", "1.00", "12.5", "0.10", "2"]
+
+
+def test_controllers_are_compared_with_each_other_where_a_task_has_their_numbers() -> None:
+    assert compared(load_task("DoseSpoon")) == CONTROLLERS
+    assert compared(load_task("SpoonPour")) == COMPARED
+
+
+def test_an_evaluation_has_the_spread_of_the_error() -> None:
+    rows = [{"seed": k, "return": 8.0, "tcs": 8.0, "tcs_terms": {}, "is_success": True, "diverged": None,
+             "readings": {"dose_error": error, "seconds": 12.0}} for k, error in enumerate(ERRORS["open_loop"])]
+    values = one_task.summarize("DoseSpoon", "pi", rows, 2)
+    assert values["readings.dose_error"] == pytest.approx(4e-3)
+    assert values["readings.dose_error_std"] == pytest.approx(1e-3) and "readings.seconds_std" not in values

@@ -1,12 +1,15 @@
-"""Choices of a search: within their ranges, the same for any order of results, and around the best so far."""
+"""Choices of a search, within their ranges and around the best so far; costs; the mean of measured pour curves."""
 
 import numpy as np
 import pytest
 
+from robosim.base.errors import ConfigError
 from robosim.dosing import CONTROLLERS
 from robosim.dosing.numbers import DosingNumbers
+from robosim.dosing.pour_curve import PourCurve
 from robosim.studies.tuning.choices import GENERATION, RANGES, Range, draw_choice
 from robosim.studies.tuning.cost import WORST, episode_cost, summarize_doses
+from robosim.studies.tuning.curve import STEP_DEG, mean_curve
 
 NUMBERS = DosingNumbers.model_validate({
     "task": "Mine", "tool": "spoon", "vibration": {"amplitude": 5e-4, "frequency": 50},
@@ -29,9 +32,7 @@ def test_places_of_a_range() -> None:
     one = Range(0.01, 100.0)
     assert one.value(0.5) == pytest.approx(1.0) and one.place(1.0) == pytest.approx(0.5)
     assert (one.value(-3.0), one.value(3.0)) == (0.01, 100.0)
-
-
-def test_values_outside_a_range_are_at_its_ends() -> None:
+    # values outside are at the ends
     assert Range(2.0, 30.0).place(0.0) == Range(-1.0, 2.0, False).place(-5.0) == 0.0
     assert Range(2.0, 30.0).place(31.0) == 1.0
 
@@ -101,3 +102,32 @@ def test_figures_of_episodes() -> None:
     figures = summarize_doses([ROW, ROW | {"dose_error": -0.1e-3, "is_success": False}], 20.0)
     assert figures["error_g"] == pytest.approx(0.1) and figures["error_g_std"] == pytest.approx(0.2)
     assert figures["error_g_abs"] == pytest.approx(0.2) and figures["success_rate"] == 0.5
+
+
+def ramp(begin: float, end: float, mass: float, last: float = 100.0) -> list[tuple[float, float]]:
+    """Return points of a run that pours a mass [kg] evenly between two tilts [deg]."""
+    return [(float(t), float(mass * np.clip((t - begin) / (end - begin), 0.0, 1.0))) for t in np.arange(0.5, last, 0.5)]
+
+
+def test_the_mean_of_two_runs_lies_between_them() -> None:
+    tilts, masses = mean_curve([ramp(20.0, 60.0, 0.04), ramp(30.0, 70.0, 0.02)], 100.0)
+    assert (tilts[0], tilts[-1]) == (20.0, 70.0) and np.diff(tilts) == pytest.approx(STEP_DEG)
+    assert masses[0] == 0.0 and masses[-1] == pytest.approx(0.03)
+    assert masses[tilts.index(50.0)] == pytest.approx((0.03 + 0.01) / 2.0, abs=1e-5)
+
+
+def test_a_mean_is_a_pour_curve_also_where_a_grain_comes_back() -> None:
+    points = ramp(20.0, 60.0, 0.04)
+    points[90] = (points[90][0], points[90][1] - 2e-3)
+    tilts, masses = mean_curve([points], 100.0)
+    curve = PourCurve(material="salt", load=0.04, rate_deg=4.0, tilts_deg=tuple(tilts), masses=tuple(masses),
+                      source="made up for tests")
+    assert np.all(np.diff(masses) >= 0.0) and curve.mass(np.radians(30.0)) == pytest.approx(0.01, abs=2e-5)
+
+
+def test_runs_that_are_refused() -> None:
+    with pytest.raises(ConfigError, match="episode 1 has no tilt: the lip was not above the cup in time; accepted: "):
+        mean_curve([ramp(20.0, 60.0, 0.04), []], 100.0)
+    wrapped = [(170.0, 0.01), (179.9, 0.02), (-179.9, 0.02)]
+    with pytest.raises(ConfigError, match="episode 0: a tilt of -179.9 deg after 179.9 deg; accepted: rising"):
+        mean_curve([wrapped], 180.0)

@@ -1,18 +1,15 @@
-"""Tables and picture of one motion among many materials."""
+"""Tables of episodes; table and picture of one motion among many materials."""
 
 import csv
 from pathlib import Path
 from typing import Any
 
-import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)
-import numpy as np  # noqa: E402
-
-from robosim.base.output_folder import aligned  # noqa: E402
+from robosim.base.output_folder import aligned
 from robosim.randomization.materials import MATERIALS
-from robosim.studies.evaluation.material_episode import OWN, READINGS  # noqa: E402
+from robosim.studies.evaluation.material_episode import OWN, READINGS
 
 Rows = dict[str, dict[str, Any]]
 """Label of a material -> score, deviation and readings in it."""
@@ -35,9 +32,9 @@ def make_rows(episodes: Rows) -> Rows:
 
 
 def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a line for each task and material."""
+    """Write a line a row; one has not all of the columns."""
     with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]))
+        table = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
         table.writeheader()
         table.writerows(rows)
 
@@ -56,7 +53,8 @@ def format_table(tasks: list[str], rows_by_task: dict[str, Rows]) -> str:
 def draw_map(path: Path, tasks: list[str], rows_by_task: dict[str, Rows]) -> None:
     """Draw the delivered share as a map of materials by tasks, with the scores in its cells."""
     shares = np.array([[rows_by_task[task][label]["delivered"] for task in tasks] for label in MATERIALS], float)
-    figure, axes = plt.subplots(figsize=(4.4 + 1.1 * len(tasks), 1.2 + 0.42 * len(MATERIALS)), constrained_layout=True)
+    figure = Figure(figsize=(4.4 + 1.1 * len(tasks), 1.2 + 0.42 * len(MATERIALS)), layout="constrained")
+    axes = figure.subplots()
     image = axes.imshow(shares, vmin=0.0, vmax=1.0, cmap="viridis", aspect="auto")
     for i, label in enumerate(MATERIALS):
         for j, task in enumerate(tasks):
@@ -67,4 +65,3 @@ def draw_map(path: Path, tasks: list[str], rows_by_task: dict[str, Rows]) -> Non
     axes.set_title("score of one motion")
     figure.colorbar(image, label="delivered fraction")
     figure.savefig(path, dpi=120)
-    plt.close(figure)
