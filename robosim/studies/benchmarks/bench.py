@@ -10,10 +10,12 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import mpm
+from mpm.backend import ti
 from robosim.base.errors import UnknownName
 from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
@@ -24,17 +26,15 @@ from robosim.envs.grain_env import GrainEnv
 from robosim.envs.vector import GrainVectorEnv
 from robosim.episode.play import play
 from robosim.studies.benchmarks import KINDS, RESET_TASKS
-from robosim.studies.benchmarks.resets import measure_resets
 from robosim.studies.evaluation.policies import ScriptedPolicy
 from robosim.studies.verification.cases import find
 from robosim.studies.verification.stability.coupled import build_scene
 
-REPEATS = 5
 RESETS = "resets_"
 """How the names of parts begin that time resets."""
 
 
-def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
+def median_seconds(work: Callable[[], object], repeats: int = 5) -> float:
     """Return the median wall time [s] of calls, after a first one that is not timed."""
     times = []
     for _ in range(repeats + 1):
@@ -98,6 +98,49 @@ def measure_rendering() -> dict[str, float]:
     env.reset(seed=0)
     env.render()
     return {"frames of 2880 grains per second": 10 / median_seconds(lambda: [env.render() for _ in range(10)])}
+
+
+def measure_resets(name: str, kind: str, seeds: int = 6, turns: int = 8) -> dict[str, float]:
+    """Time resets of a task's environments with randomize="nominal" and "wide": medians [ms] and their ratio.
+
+    kind: "alone"; "arm": with the whole arm; "vector": four that share a field, all reset at once. The same seeds are
+    reset once before, untimed, and their starts have settled then; turns: how often each is timed. There is a step
+    between two resets. Times are those of the processor, as resets wait for nothing and other processes disturb these
+    least. Functions that Taichi compiles after the first reset and step of both are counted.
+    """
+    envs = {preset: GrainVectorEnv(name, 4, workers=1, randomize=preset) if kind == "vector" else
+            GrainEnv(task=name, arm=kind == "arm", randomize=preset) for preset in ("nominal", "wide")}
+    for env in envs.values():
+        _begin(env, 0)
+    first, times = compiled_functions(), {preset: list[float]() for preset in envs}
+    for turn in range(turns + 1):
+        for seed in range(seeds):
+            for preset, env in envs.items():
+                seconds = _begin(env, seed)
+                if turn > 0:
+                    times[preset].append(seconds)
+    compiled = compiled_functions() - first
+    for env in envs.values():
+        env.close()
+    nominal, wide = (1e3 * statistics.median(each) for each in times.values())
+    label = f"{name}{'' if kind == 'alone' else f', {kind}'}"
+    return {f"{label}: nominal reset [ms]": nominal, f"{label}: wide over nominal reset": wide / nominal,
+            f"{label}: functions compiled later": compiled}
+
+
+def compiled_functions() -> int:
+    """Return the number of Taichi functions that this process has compiled or read from the cache so far."""
+    runtime = ti.lang.impl.get_runtime()  # pyright: ignore[reportOptionalMemberAccess]
+    return int(runtime.get_num_compiled_functions())
+
+
+def _begin(env: Any, seed: int) -> float:
+    """Reset to a seed, and take a step afterwards; return the processor's time [s] for the reset."""
+    begin = time.process_time()
+    env.reset(seed=seed)
+    seconds = time.process_time() - begin
+    env.step(np.zeros(env.action_space.shape, np.float32))
+    return seconds
 
 
 PARTS: dict[str, Callable[[], dict[str, float]]] = {

@@ -24,18 +24,10 @@ YARDSTICKS = {
     "lane_fused.py": ("prototype", ("bench",), r"ns/particle-substep ([0-9.]+)"),
 }
 """Python script in the folder given by --yardsticks -> (name, arguments, pattern of the figure in its output)."""
-PROBE, PROBE_SPEED = "limit_probe.cpp", r"total ([0-9.]+) Mp/s"
-"""C++ program of that folder, built where there is a compiler, and the pattern of its million particles a second."""
-NODES = 64
-"""Cells along each side of the unit cube that is the workspace; more where the block of grains would not fit."""
 CORNER, MARGIN = 0.3, 6.0
 """Corner of the block of grains [m], and the least distance from its other side to the walls in cells."""
 SUBSTEPS = 10
 """Substeps of one launch, a typical host step."""
-MOST_WORK = 3e6
-"""Most particles times substeps in one repetition."""
-MOST_LAUNCHES = 30
-"""Most launches in one repetition; each repetition starts at the same state, so that all scenes keep their shape."""
 
 
 def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, out: Path | None,
@@ -84,7 +76,7 @@ def _time_yardsticks(folder: Path, grains: int) -> dict[str, float]:
     """Return nanoseconds per particle and substep of the reference programs in a folder, by name."""
     found = {name: run_yardstick([sys.executable, str(folder / file), *words, str(grains)], pattern)
              for file, (name, words, pattern) in YARDSTICKS.items() if (folder / file).is_file()}
-    found["limit"] = _time_probe(folder / PROBE, grains)
+    found["limit"] = _time_probe(folder / "limit_probe.cpp", grains)
     figures = {name: figure for name, figure in found.items() if figure is not None}
     for name, ns in figures.items():
         print(json.dumps({"case": "bench_field", "yardstick": name, "grains": grains, "ns": round(ns, 3)}), flush=True)
@@ -92,7 +84,7 @@ def _time_yardsticks(folder: Path, grains: int) -> dict[str, float]:
 
 
 def _time_probe(source: Path, grains: int) -> float | None:
-    """Return nanoseconds per particle and substep of a hand-written loop; None where it cannot be built."""
+    """Return nanoseconds per particle and substep of a loop in C++; None where it cannot be built."""
     compiler = shutil.which("g++") or shutil.which("clang++")
     if not source.is_file() or compiler is None:
         return None
@@ -101,7 +93,7 @@ def _time_probe(source: Path, grains: int) -> float | None:
         options = ["-O3", "-march=native", "-ffast-math", "-std=c++17", str(source), "-o", str(built)]
         if subprocess.run([compiler, *options], capture_output=True).returncode != 0:
             return None
-        speed = run_yardstick([str(built), str(grains)], PROBE_SPEED)
+        speed = run_yardstick([str(built), str(grains)], r"total ([0-9.]+) Mp/s")
     return None if speed is None else 1e3 / speed
 
 
@@ -115,7 +107,8 @@ def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float
     begin = time.perf_counter()
     solver.compile()
     compile_time = time.perf_counter() - begin
-    launches = min(max(5, int(MOST_WORK / grains / SUBSTEPS)), MOST_LAUNCHES)
+    # in one repetition some 3 million particles times substeps; each starts at the same state, and keeps its shape
+    launches = min(max(5, int(3e6 / grains / SUBSTEPS)), 30)
     figures = []
     for _ in range(repetitions):
         solver.load(state)
@@ -130,7 +123,8 @@ def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float
 def build_scene(scene: str, grains: int) -> mpm.Solver:
     """Build a block of particles on the floor of a unit cube, with the scene's law and collider."""
     edge = (grains / 8) ** (1 / 3)
-    cell = 1.0 / max(NODES, int(np.ceil((edge + MARGIN) / (1.0 - CORNER))))
+    # cells along each side of the unit cube: more where the block of grains would not fit
+    cell = 1.0 / max(64, int(np.ceil((edge + MARGIN) / (1.0 - CORNER))))
     laws = {"fluid": mpm.NewtonianFluid(bulk_modulus=1000.0, density=1.0),
             "clay": mpm.VonMises(E=1000.0, nu=0.2, density=1.0, yield_stress=10.0)}
     law = laws.get(scene, mpm.DruckerPrager(E=1000.0, nu=0.2, density=1.0, friction_angle_deg=30.0))

@@ -27,8 +27,6 @@ VOLUMES = (0.6, 1.5)
 a heap in cm instead of mm has ten times, or a tenth of, the volume."""
 RINGS = 3.0
 """Rings on the column's radius: of a map of a column of 40 mm with pixels of 2 mm, the innermost has 35."""
-EDGE = 0.02
-"""Height at which a heap ends, over that of its highest ring."""
 MARGIN = 2
 """Rings of floor that are compared beyond a heap's edge: a simulated heap may reach farther."""
 FALL = 4.0
@@ -123,7 +121,7 @@ def find_edge(name: str, heap: HeapExperiment, heights: np.ndarray, counts: np.n
     Rings of bare floor agree with any numbers: the more of them a map has, the less a misfit of the heap would count.
     heights: (k,) means of rings [m]; counts: (k,) their readings. Raises ConfigError where no ring is above the floor.
     """
-    floor = np.maximum(EDGE * heights.max(), FALL * heap.noise / np.sqrt(counts))
+    floor = np.maximum(0.02 * heights.max(), FALL * heap.noise / np.sqrt(counts))
     raised = np.flatnonzero(heights > floor)
     if not len(raised):
         raise ConfigError(f"experiments.{name}: {heap.data}: no ring about the axis is higher than {FALL:g} standard "

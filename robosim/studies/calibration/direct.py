@@ -17,8 +17,6 @@ from robosim.studies.calibration.measurements import (
 )
 
 G = 9.81
-STEEPEST = 75.0
-"""[deg] of a heap on a scoop; nobody heaps powder higher."""
 
 
 def shear_ratio(friction_angle_deg: float) -> float:
@@ -63,8 +61,9 @@ def predict(experiment: Experiment, numbers: dict[str, float]) -> list[float]:
     if isinstance(experiment, ShearExperiment):
         return [shear_strength(stress, phi, cohesion) for stress in experiment.normal_stress]
     if isinstance(experiment, ScoopExperiment):
-        # assumed: the heap on the rim is a cone whose flank slides as a layer of a third of the rim's radius would
+        # assumed: the heap on the rim is a cone whose flank slides as a layer of a third of the rim's radius would, at
+        # most at 75 deg
         angle = sliding_angle(experiment.rim_radius / 3.0, density, phi, cohesion)
-        cone = math.pi * experiment.rim_radius**3 * math.tan(math.radians(min(angle, STEEPEST))) / 3.0
+        cone = math.pi * experiment.rim_radius**3 * math.tan(math.radians(min(angle, 75.0))) / 3.0
         return [density * (experiment.volume + cone)] * len(experiment.masses)
     raise TypeError(f"{type(experiment).__name__} has no closed form")

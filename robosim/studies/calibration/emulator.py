@@ -14,14 +14,9 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
-NEGLIGIBLE = 0.1
-"""Root mean square [standard deviations of the readings] of a component that is left to the noise."""
-MOST_COMPONENTS = 6
 LENGTHS = (0.05, 10.0)
 """Bounds of length scales, in ranges of the numbers: runs are farther apart than the least; beyond ten ranges an output
 is linear."""
-NOISE = (1e-6, 1.0)
-"""Bounds of the noise's variance, relative to a component's."""
 
 
 class Emulator:
@@ -33,8 +28,8 @@ class Emulator:
     def __init__(self, points: np.ndarray, outputs: np.ndarray) -> None:
         self._mean = outputs.mean(0)
         left, sizes, right = np.linalg.svd(outputs - self._mean, full_matrices=False)
-        spread = sizes / np.sqrt(len(points))
-        kept = min(max(int((spread > NEGLIGIBLE).sum()), 1), MOST_COMPONENTS, len(sizes))
+        # a component of a tenth of the readings' standard deviation, root mean square, is left to the noise
+        kept = min(max(int((sizes / np.sqrt(len(points)) > 0.1).sum()), 1), 6, len(sizes))
         self._basis = right[:kept]
         scores = left[:, :kept] * sizes[:kept]
         self._lost = ((outputs - self._mean - scores @ self._basis) ** 2).mean(0)
@@ -79,7 +74,7 @@ def fit_process(points: np.ndarray, values: np.ndarray) -> tuple[Any, np.ndarray
     Return it and the inverse (r, r) of its covariance.
     """
     lengths: Any = np.full(points.shape[1], 0.5)
-    kernel = ConstantKernel(1.0, (0.05, 100.0)) * Matern(lengths, LENGTHS, nu=2.5) + WhiteKernel(0.01, NOISE)
+    kernel = ConstantKernel(1.0, (0.05, 100.0)) * Matern(lengths, LENGTHS, nu=2.5) + WhiteKernel(0.01, (1e-6, 1.0))
     process = GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
     with warnings.catch_warnings():  # a length at its bound is a number that the output does not depend on
         warnings.simplefilter("ignore", ConvergenceWarning)

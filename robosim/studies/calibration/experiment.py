@@ -17,7 +17,7 @@ from robosim.studies.calibration.data import (
     read_heap,
     sort_rings,
 )
-from robosim.studies.calibration.heap import simulate_heap
+from robosim.studies.calibration.flows import simulate_heap, simulate_pour
 from robosim.studies.calibration.measurements import (
     WALL_FRICTION,
     Experiment,
@@ -27,7 +27,6 @@ from robosim.studies.calibration.measurements import (
     ScoopExperiment,
     ShearExperiment,
 )
-from robosim.studies.calibration.pour import simulate_pour
 from robosim.studies.columns import rim
 
 HEAP_ERROR = 0.25
@@ -38,10 +37,6 @@ POUR_ERROR = 0.01
 SCOOP_ERROR = 0.2
 """Error of the mass that a scoop holds above its rim, as a share of it, unless `model_error` says otherwise. Assumed:
 that a heap slides as a layer of a third of the rim's radius has no source either."""
-PIXEL = 0.002
-"""Edge of a pixel of a heap that could be measured [m], unless its `scale` says otherwise: a depth camera's at 1 m."""
-AFTER_POUR = 1.3
-"""Duration of a pour that could be made, in that of the tilting."""
 
 Numbers = dict[str, float]
 """Number of a material -> value in its unit; angles in degrees."""
@@ -99,12 +94,12 @@ def make_candidates(measurements: Measurements) -> list[Trial]:
     for name, one in measurements.candidates.items():
         if isinstance(one, HeapExperiment):
             half = 1.25 * rim(one.radius, one.height / one.radius)
-            axis = np.arange(-half, half, one.scale or PIXEL)
+            axis = np.arange(-half, half, one.scale or 0.002)  # pixels [m] of a depth camera at 1 m
             distances = np.hypot(*np.meshgrid(axis, axis)).ravel()
             rings = sort_rings(distances, 0.0 * distances, one.radius / RINGS)
             made.append(_heap_trial(measurements, name, one, rings))
         elif isinstance(one, PourExperiment):
-            times = np.linspace(0.0, AFTER_POUR * one.end_angle / one.tilt_speed, CURVE_POINTS)
+            times = np.linspace(0.0, 1.3 * one.end_angle / one.tilt_speed, CURVE_POINTS)
             made.append(_pour_trial(measurements, name, one, Curve(times, np.zeros(CURVE_POINTS))))
     return made
 

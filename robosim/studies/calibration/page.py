@@ -12,9 +12,6 @@ from robosim.studies.calibration.experiment import Trial
 from robosim.studies.calibration.search import Ranges, Search
 from robosim.studies.calibration.verdict import Advice, Verdict
 
-DRAWN = 1000
-"""Samples of a scatter plot."""
-
 
 def make_page(title: str, verdict: Verdict, found: Search, ranges: Ranges, trials: Sequence[Trial],
               fits: dict[str, np.ndarray], advice: list[Advice]) -> Page:
@@ -66,7 +63,7 @@ def draw_fit(trial: Trial, values: np.ndarray) -> str:
 
 def draw_samples(samples: np.ndarray, ranges: Ranges, i: int, j: int, best: np.ndarray) -> str:
     """Draw the samples (s, d) of two numbers within their ranges, and the best (d,); return HTML."""
-    shown = samples[:: max(len(samples) // DRAWN, 1)]
+    shown = samples[:: max(len(samples) // 1000, 1)]
     figure = Figure(layout={**LAYOUT, "height": 380, "xaxis": {
         "title": {"text": ranges.names[i]}, "range": [ranges.lower[i], ranges.upper[i]]}, "yaxis": {
         "title": {"text": ranges.names[j]}, "range": [ranges.lower[j], ranges.upper[j]]}})

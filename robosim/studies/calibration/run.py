@@ -26,8 +26,6 @@ CHECK_SEED = 1_000_000
 CHECK_RUNS, SAMPLE_RUNS = 3, 16
 """Runs of a fitted experiment with the best numbers; of one held out and of a candidate with samples of the
 posterior."""
-DIGITS = 12
-"""Of a number in the key of a run."""
 
 
 class Runs:
@@ -43,7 +41,7 @@ class Runs:
         """Return what a trial would read (n,), stored or simulated."""
         if trial.is_direct:
             return trial.simulate(numbers, seed)
-        run = {"trial": trial.name, "seed": seed, **{key: f"{value:.{DIGITS}g}" for key, value in numbers.items()}}
+        run = {"trial": trial.name, "seed": seed, **{key: f"{value:.12g}" for key, value in numbers.items()}}
         key = digest([self._inputs, run])
         found = self._store.find(key)
         if found is None:

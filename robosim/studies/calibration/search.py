@@ -18,8 +18,6 @@ from robosim.studies.calibration.posterior import LogLikelihood, Posterior, samp
 
 FIRST_RUNS = 6
 """Runs of the space-filling start for each number sought."""
-ROUND = 4
-"""Runs of a round: emulators are fitted and the posterior sampled once for all of them."""
 APART = 0.02
 """Least distance of a run from earlier ones, in ranges: nearer ones tell the noise alone."""
 SETTLED = 0.01
@@ -92,7 +90,7 @@ def search(trials: Sequence[Trial], ranges: Ranges, run: Run, *, runs: int, seed
         is_settled = bool(uncertain.mean() < SETTLED)
         if is_settled or len(points) >= runs:
             return Search(posterior, emulators, done, is_settled)
-        waiting = choose(posterior.samples, uncertain, done, min(ROUND, runs - len(points)))
+        waiting = choose(posterior.samples, uncertain, done, min(4, runs - len(points)))
 
 
 def choose(samples: np.ndarray, uncertain: np.ndarray, points: np.ndarray, n: int) -> list[np.ndarray]:

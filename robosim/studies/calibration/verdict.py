@@ -27,8 +27,6 @@ MOST_WIDTH = 0.75
 
 SHEAR_ERROR = 0.05
 """Usual error of a shear cell, in the shear stress that it reads."""
-LEAST_ERROR = 1e-3
-"""[Pa] Least error of a shear stress, as in a file of measurements."""
 
 
 class Residual(NamedTuple):
@@ -168,7 +166,7 @@ def usual_errors(one: Experiment, values: np.ndarray) -> np.ndarray:
     Those of a shear cell are a share of each reading's own stress.
     """
     if isinstance(one, ShearExperiment):
-        return np.maximum(SHEAR_ERROR * values.mean(0), LEAST_ERROR)
+        return np.maximum(SHEAR_ERROR * values.mean(0), 1e-3)  # as in a file of measurements
     return np.full(values.shape[1], one.noise)  # pyright: ignore[reportAttributeAccessIssue]
 
 

@@ -1,5 +1,6 @@
 """The recording of an episode of a sub-task, as the viewer plays it."""
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,13 @@ from robosim.tasks.counting import TOOL
 from robosim.tasks.dosing import TARGET_MASS
 from robosim.tasks.task import TaskConfig
 
-RETURN = CurveEntry(name="return", chart="return")
 SHARES = [CurveEntry(name="delivered", unit="%", chart="grains"), CurveEntry(name="spilled", unit="%", chart="grains")]
 """Readings that every frame has a value of."""
 MASSES = [CurveEntry(name=name, unit="g", chart="mass") for name in ("poured", TARGET_MASS, "spilled")]
 """The same of a dosing task."""
 
 
-class EpisodeRecorder:
+class EpisodeRecorder(AbstractContextManager):
     """Records one episode: a frame at its start, and one after each action."""
 
     def __init__(self, env: GrainEnv, path: Path, policy: str) -> None:
@@ -42,9 +42,8 @@ class EpisodeRecorder:
         self.recorder = SceneRecorder(
             path, self._model, self._data, solver, kind="task", title=title, caption=title,
             frame_rate=1.0 / (env.action_repeat * task.step_dt), tool=task.tool_name, colour=env.material.colour,
-            grain_volume=grain_volume(task),
-            curves=[*self._curves, RETURN], regions=list(places(placed(task, env.carrier.setting.place))),
-            commit=commit())
+            grain_volume=grain_volume(task), curves=[*self._curves, CurveEntry(name="return", chart="return")],
+            regions=places(placed(task, env.carrier.setting.place)), commit=commit())
         self._record()
 
     def add(self, step: Transition) -> None:
@@ -53,19 +52,11 @@ class EpisodeRecorder:
         self._place()
         self._record()
 
-    def __enter__(self) -> "EpisodeRecorder":
-        return self
-
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Finish the recording. May be called twice."""
         self.recorder.close()
 
     def _place(self) -> None:
-        env = self._env
-        robot = env.carrier.robot_data
+        env, robot = self._env, self._env.carrier.robot_data
         self._bodies.place(env.carrier.setting.place, env.solver.collider_pose(TOOL),
                            None if robot is None else robot.qpos)
         self._data.time = env.step_count * env.task.step_dt
@@ -80,7 +71,6 @@ class EpisodeRecorder:
 
 def places(task: TaskConfig) -> list[RegionEntry]:
     """Return where grains may be: the target, containers, and the tool."""
-    entries = [region_entry("target", task.target.region),
-               region_entry(task.tool_name, tool_shape(task.tool).interior, body=task.tool_name)]
-    return [*entries, *(region_entry(name, *container_region(name, container))
-                        for name, container in task.containers.items())]
+    return [region_entry("target", task.target.region),
+            region_entry(task.tool_name, tool_shape(task.tool).interior, body=task.tool_name),
+            *(region_entry(name, *container_region(name, container)) for name, container in task.containers.items())]

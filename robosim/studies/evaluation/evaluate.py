@@ -11,7 +11,7 @@ from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
-from robosim.episode.film import EPISODE, FilmFailed, try_film
+from robosim.episode.film import EPISODE, try_film
 from robosim.episode.play import play
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
@@ -39,8 +39,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
     make_policy(name, env, seed)  # raises for a policy that does not fit
-    rows: list[dict[str, Any]] = []
-    failure: FilmFailed | None = None
+    rows, failure = list[dict[str, Any]](), None
     with contextlib.ExitStack() as stack:
         stack.callback(made.close)
         folder = stack.enter_context(OutputFolder(out)) if out else None

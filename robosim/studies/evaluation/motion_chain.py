@@ -48,9 +48,7 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
     chosen = {"trajectory": "learned", "material": material, "motions": motions and str(motions)}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
     paths = {task: find_motion(config, task) for task in config.learned}
-    rows: list[dict[str, Any]] = []
-    load: Load | None = None
-    broken = ""
+    rows, load, broken = list[dict[str, Any]](), None, ""
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)
         for old in out.glob("*.rec*"):
@@ -84,8 +82,7 @@ def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
     Returns the row of chain.json, the load that is left, and why the chain broke, if it did.
     """
     figures, left = replay_motion(task, path, material=material, recording=recording if load is None else None)
-    row: dict[str, Any] = {"task": task, "from_settled_start": figures}
-    broken = ""
+    row, broken = {"task": task, "from_settled_start": figures}, ""
     if load is not None:
         try:
             figures, left = replay_motion(task, path, load=load, recording=recording)
@@ -104,8 +101,7 @@ def replay_motion(task: str, path: Path, *, material: str | None = None, load: L
     It begins at its nominal start, or with a load. Returns the episode's figures and what the tool holds after it; None
     where the field diverged or nothing is held.
     """
-    wrapped = gymnasium.make(f"robosim/{task}-v0", material=material, load=load,
-                             **training_options(str(path)))
+    wrapped = gymnasium.make(f"robosim/{task}-v0", material=material, load=load, **training_options(str(path)))
     env = wrapped.unwrapped
     assert isinstance(env, GrainEnv)
     observation, _ = env.reset(seed=0, options={"nominal": True})
@@ -117,11 +113,9 @@ def replay_motion(task: str, path: Path, *, material: str | None = None, load: L
                **info["readings"], "diverged": info.get("diverged"), **_rotation_figures(env)}
     left = None
     if not info.get("diverged"):
-        try:
+        with contextlib.suppress(ConfigError):  # nothing is held
             left = take_load(env)
-            figures["grains_in_tool"] = left.count
-        except ConfigError:
-            figures["grains_in_tool"] = 0
+        figures["grains_in_tool"] = left.count if left else 0
     wrapped.close()
     return figures, left
 
@@ -155,10 +149,7 @@ def make_page(name: str, material: str, rows: list[dict[str, Any]], broken: str,
 
 
 def format_rows(rows: list[dict[str, Any]]) -> str:
-    """Format the rows of chain.json as a table.
-
-    It has a line for each start of each sub-task.
-    """
+    """Format the rows of chain.json as a table, with a line for each start of each sub-task."""
     lines = [["sub-task", "from", "grains", "score", "of", "delivered", "spilled", "grains in tool", "rotation [deg]"]]
     for row in rows:
         for key, start in STARTS.items():

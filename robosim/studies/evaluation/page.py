@@ -21,8 +21,7 @@ def make_page(values: dict[str, Any], folder: Path) -> Page:
         page.add_film(film.read_bytes(), "The first episode.")
     add_recording(page, folder)
     page.add_heading("Episodes")
-    readings = list(episodes[0]["readings"])
-    arm = list(episodes[0].get("arm", ()))
+    readings, arm = list(episodes[0]["readings"]), list(episodes[0].get("arm", ()))
     page.add_table(["seed", "score", "success", "return", *readings, *arm, "diverged"],
                    [[row["seed"], row["tcs"], "pass" if row["is_success"] else "fail", row["return"],
                      *(row["readings"][key] for key in readings), *(row["arm"][key] for key in arm),

@@ -24,8 +24,6 @@ Policy = Callable[[Any], np.ndarray]
 """Returns the next action (dimensions,) of the episode for an observation."""
 LARGEST = 1e30
 """Largest number of an action, which the environment clips; single precision has numbers of up to 3e38."""
-SHOWN = 3
-"""Differences that an error names."""
 MAX_REPEAT = 10_000
 """Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
 
@@ -55,8 +53,7 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
         return ReplayPolicy(bundled, load_policy(bundled), env)
     if Path(name).is_file():
         arrays = load_policy(Path(name))
-        return NetworkPolicy(Path(name), arrays, env) if "weight_0" in arrays else \
-            ReplayPolicy(Path(name), arrays, env)
+        return (NetworkPolicy if "weight_0" in arrays else ReplayPolicy)(Path(name), arrays, env)
     raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions`, or with a network")
 
 
@@ -97,9 +94,7 @@ def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> No
 
     changed: top-level keys of the task's file that were changed on purpose.
     """
-    if not Path(name).is_file():
-        return
-    arrays = load_policy(Path(name))
+    arrays = load_policy(Path(name)) if Path(name).is_file() else StoredArrays(Path(name), {})
     if "weight_0" not in arrays or "task_table" not in arrays:
         return
     try:
@@ -111,9 +106,9 @@ def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> No
                  if key.split(".")[0] not in changed}
     if differing:
         texts = [f"{key} {quote(values[0])}, here {quote(values[1])}" for key, values in differing.items()]
-        more = f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
+        more = f" and {len(texts) - 3} more" if len(texts) > 3 else ""
         raise ConfigError(f"policy {name}: learned on {arrays.text('task', 'another task')} with "
-                          f"{'; '.join(texts[:SHOWN])}{more}; accepted: the task that it was learned on")
+                          f"{'; '.join(texts[:3])}{more}; accepted: the task that it was learned on")
 
 
 def rest_action(task: TaskConfig) -> np.ndarray:
@@ -164,8 +159,7 @@ class ReplayPolicy:
         if steps % env.action_repeat:
             raise ConfigError(f"{path}: its actions are for {steps} steps each; the environment acts every "
                               f"{env.action_repeat}; accepted: an action_repeat that divides {steps}")
-        repeat = steps // env.action_repeat
-        self._actions = (action for action in np.asarray(actions, np.float32) for _ in range(repeat))
+        self._actions = iter(np.repeat(np.asarray(actions, np.float32), steps // env.action_repeat, axis=0))
         self._zero = rest_action(env.task)
 
     def __call__(self, observation: Any) -> np.ndarray:

@@ -15,17 +15,14 @@ from robosim.base.provenance import provenance
 from robosim.base.resources import trained
 from robosim.dosing import CONTROLLERS
 from robosim.envs import is_task_file, task_name
-from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import play, read_scores
 from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.page import make_suite_page
 from robosim.studies.evaluation.policies import check_task, load_policy, make_policy, training_options
-from robosim.studies.evaluation.suites import Start, begin_episode, make_environment, plan_starts
+from robosim.studies.evaluation.suites import begin_episode, make_environment, plan_starts
 from robosim.studies.evaluation.tables import write_csv
 from robosim.tasks.task import TaskConfig, load_task
 
-EPISODES = 50
-"""Episodes of a suite, if no other number is given."""
 COMPARED = ("learned", "scripted", "zero")
 """Policies whose episodes stand beside those of the policy that is scored; in dosing tasks the controllers do."""
 FIGURES = ("tcs", "return", "is_success", "delivered", "dose_error", "dose_error_percent", "seconds", "spilled")
@@ -53,7 +50,7 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
                           f"materials of their own")
     config, found = load_task(task), find_policy(name)
     check_task(found, config, changed)
-    starts = plan_starts(suite, config, episodes or EPISODES, material)
+    starts = plan_starts(suite, config, episodes or 50, material)
     others = {other: other for other in compared(config) if other != found and not alone
               and (other != "learned" or trained(task_name(task)) is not None)}
     files = {label: policy_file(policy, task) for label, policy in {name: found, **others}.items()}
@@ -66,7 +63,10 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
             for label, policy in files.items():
                 env = make_environment(config, members[0][1], **training_options(policy))
                 for k, start in members:
-                    rows.append({"policy": label, "episode": k, **score_start(env, policy, start)})
+                    drawn = begin_episode(env, start)
+                    total, info = play(env, make_policy(policy, env, start.seed), observation=env.observation)
+                    rows.append({"policy": label, "episode": k, **drawn, "return": total, **read_scores(info),
+                                 "diverged": info.get("diverged") or ""})
                     progress.update()
                     rows.sort(key=lambda row: (list(files).index(row["policy"]), row["episode"]))
                     folder.write("evaluation.csv", lambda path: write_csv(path, rows))
@@ -92,9 +92,8 @@ def find_policy(name: str) -> str:
     folder = Path(name)
     if name in POLICIES or not folder.is_dir():
         return name
-    for file in FOUND:
-        if (folder / file).is_file():
-            return str(folder / file)
+    if found := [folder / file for file in FOUND if (folder / file).is_file()]:
+        return str(found[0])
     raise ConfigError(f"policy {name}: the folder has neither {' nor '.join(FOUND)}; accepted: the folder of "
                       f"`robosim train`")
 
@@ -114,13 +113,6 @@ def policy_file(name: str, task: str) -> str:
         if made_for and made_for != task_name(task) and not is_task_file(task):
             raise ConfigError(f"policy {name}: for {made_for}; accepted: for {task_name(task)}")
     return name
-
-
-def score_start(env: GrainEnv, policy: str, start: Start) -> Row:
-    """Play an episode from a start; return its figures."""
-    drawn = begin_episode(env, start)
-    total, info = play(env, make_policy(policy, env, start.seed), observation=env.observation)
-    return {**drawn, "return": total, **read_scores(info), "diverged": info.get("diverged") or ""}
 
 
 def bootstrap(values: Sequence[float]) -> tuple[float, float]:

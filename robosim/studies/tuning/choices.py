@@ -9,8 +9,6 @@ from robosim.dosing.numbers import PI_RATES, DosingNumbers
 
 GENERATION = 6
 """Choices that are drawn around the same best one, and may run at the same time."""
-SPREADS = (0.25, 0.8, 0.05)
-"""Standard deviation of the first generation as a share of the range, factor from one to the next, and the least."""
 
 
 class Range(NamedTuple):
@@ -65,8 +63,7 @@ def draw_choice(controller: str, numbers: DosingNumbers, index: int, seed: int,
     generation = (index - 1) // GENERATION
     known = {k: cost for k, cost in costs.items() if k < 1 + GENERATION * generation}
     best = choices[min(known, key=lambda k: (known[k], k))] if known else numbers
-    first, factor, least = SPREADS
-    spread = max(least, first * factor**generation)
+    spread = max(0.05, 0.25 * 0.8**generation)  # standard deviation, as a share of the range
     rng = np.random.default_rng((seed, index))
     own = getattr(best, controller)
     drawn = {name: one.value(one.place(getattr(own, name)) + spread * rng.standard_normal())

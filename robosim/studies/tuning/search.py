@@ -13,7 +13,7 @@ from robosim.dosing.numbers import DosingNumbers
 from robosim.envs import task_name
 from robosim.studies.evaluation.dosing_policy import numbers_of
 from robosim.studies.tuning.choices import GENERATION, draw_choice
-from robosim.studies.tuning.cost import summarize_doses
+from robosim.studies.tuning.trial import summarize_doses
 from robosim.tasks.task import load_task
 
 SHOWN = ("cost", "success_rate", "error_g", "error_g_std", "seconds", "spilled_g")

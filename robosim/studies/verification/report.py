@@ -12,11 +12,10 @@ from robosim.base.errors import ConfigError
 from robosim.base.jobs import Launcher
 from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
-from robosim.studies.verification.analysis import replace_non_finite, summarize_case
 from robosim.studies.verification.cases import NAMES, expand
 from robosim.studies.verification.cases.case import describe
 from robosim.studies.verification.report_page import add_comparison, make_page
-from robosim.studies.verification.runs import execute_runs
+from robosim.studies.verification.runs import execute_runs, replace_non_finite, summarize_case
 
 POINTS = {"machine": (str, ...), "reference": {"r_final_m": float},
           "points": [{"code": str, "cell_m": float, "seconds": float, "r99_m": float, "particles": float}]}

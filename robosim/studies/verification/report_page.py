@@ -9,11 +9,10 @@ from robosim.base.errors import ConfigError
 from robosim.base.input_files import check_form
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
-from robosim.studies.verification.analysis import group_series, pareto_front
 from robosim.studies.verification.cases import find
 from robosim.studies.verification.cases.case import Comparison, Record, describe, select, value_of
 from robosim.studies.verification.cases.expectations import Within
-from robosim.studies.verification.runs import Run
+from robosim.studies.verification.runs import Run, group_series, pareto_front
 
 REPORT = {"made_by": {"commit": object, "machine": object}, "runs": [{
     "case": str, "choices": {str: object}, "failed": (str, None, ...), "record": ({

@@ -11,7 +11,7 @@ from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
 from robosim.base.study import Job, Study
 from robosim.reports.page import HeatCell, Page
-from robosim.studies.verification.analysis import replace_non_finite
+from robosim.studies.verification.runs import replace_non_finite
 from robosim.studies.verification.stability import field
 from robosim.studies.verification.stability.cell import DEFINITIONS, CellResult
 from robosim.studies.verification.stability.field import AXES, find_axis

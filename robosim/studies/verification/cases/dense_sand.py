@@ -10,14 +10,10 @@ from mpm.materials.elasticity import Hencky
 from mpm.materials.material import check_range
 from mpm.materials.yield_surface import MAX_VOLUME_CORRECTION, TINY
 
-NEWTON_STEPS = 4
-"""Steps to the root of the yield surface; from simple shear they reach it to single precision below 50 deg."""
 LARGEST_J3 = 0.3849
 """J3 over J2^1.5 at most: 2 / sqrt(27), in triaxial compression."""
 LOOSEST, DENSEST = 0.85, 0.55
 """Void ratios of quartz sand at relative densities 0 and 1, to be checked."""
-CRITICAL_DENSITY = 0.1
-"""Relative density at which Bolton's dilatancy index is 0 at 1 kPa."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +69,7 @@ class DenseSand(Hencky):
         left = 1.0 - dilated / p[5]
         y = p[2] + p[3] * left + 0.0 * norm  # the shear ratio of the present density, from which the root is sought
         k = (9.0 - 3.0 * y * y) / (1.0 - y * y)
-        for _ in ti.static(range(NEWTON_STEPS)):
+        for _ in ti.static(range(4)):  # from simple shear it is reached to single precision below 50 deg
             y = y - (k * j * y * y * y - (k - 3.0) * y * y + k - 9.0) / ((3.0 * k * j * y - 2.0 * (k - 3.0)) * y)
         slope = 1.4142135624 * p[6] * y
         growth = 1.4142135624 * p[4] * left  # per plastic strain
@@ -109,7 +105,7 @@ def dense_sand(relative_density: float, *, E: float, nu: float, density: float,
     """
     excess = 3.0 * min(10.0 * relative_density - 1.0, 4.0)
     void = LOOSEST - relative_density * (LOOSEST - DENSEST)
-    critical = LOOSEST - CRITICAL_DENSITY * (LOOSEST - DENSEST)
+    critical = LOOSEST - 0.1 * (LOOSEST - DENSEST)  # where Bolton's dilatancy index is 0 at 1 kPa
     return DenseSand(E=E, nu=nu, density=density, friction_angle_deg=critical_angle_deg,
                      peak_angle_deg=critical_angle_deg + excess, dilation=math.tan(math.radians(excess / 0.8)),
                      room=math.log((1.0 + critical) / (1.0 + void)))

@@ -90,8 +90,8 @@ def payload(mass: float) -> Outcome:
     return follow(made, data, servo, lambda _: still, 1.0, mass)
 
 
-def edge_path(kind: str) -> list[Pose]:
-    """Return a straight path of 3 cm of the tool that begins at the edge of its reach."""
+def arm_pose(kind: str) -> Outcome:
+    """Solve and follow a straight path of 3 cm in a second from a singular or extreme pose; it may be refused."""
     q = {"home": arm().home, "stretched": np.array([0.0, 0.9, 0.0, 0.0, 0.0, 0.4, 0.0]),
          "wrist aligned": np.array([0.0, 0.6, 0.0, -1.4, 0.0, 0.0, 0.0]),
          "near a limit": np.array([0.3, 0.5, 0.2, -2.09, 0.1, -1.0, 0.2]),
@@ -99,24 +99,17 @@ def edge_path(kind: str) -> list[Pose]:
     start = arm().tool_pose(q)
     away = np.array([0.9, 0.0, 0.3]) if kind == "beyond reach" else np.zeros(3)
     inward = (np.array([0.0, 0.0, 0.36]) - start.position) / np.linalg.norm(start.position - [0.0, 0.0, 0.36])
-    return [Pose(start.position + away + s * inward, start.quaternion) for s in np.linspace(0.0, 0.03, 31)]
-
-
-def arm_pose(kind: str) -> Outcome:
-    """Solve and follow a path of 3 cm in a second from a singular or extreme pose; it may be refused."""
-    path = edge_path(kind)
+    path = [Pose(start.position + away + s * inward, start.quaternion) for s in np.linspace(0.0, 0.03, 31)]
     solution = solve_path(arm(), path, [(0, "start"), (len(path) - 1, "end")], 1.0 / (len(path) - 1))
     motion = SmoothMotion(np.linspace(0.0, 1.0, len(path)), solution.q, arm().step_limits(), {"start": 0.0, "end": 1.0},
                           arm().joints)
     speeds = np.array([motion.state(t).qd for t in np.arange(0.0, motion.duration, 1e-3)])
     readings = {"position_error_m": float(solution.errors[:, 0].max()), "margin": solution.margin,
                 "fastest_joint": float(np.abs(speeds / arm().velocity).max())}
-    failure = ""
     if readings["position_error_m"] > 1e-6:
-        failure = f"{readings['position_error_m']:.2g} m off"
-    elif readings["fastest_joint"] > 1.0 + 1e-9:
-        failure = f"a joint at {readings['fastest_joint']:.2g} of its speed limit"
-    return failure, readings
+        return f"{readings['position_error_m']:.2g} m off", readings
+    is_fast = readings["fastest_joint"] > 1.0 + 1e-9
+    return f"a joint at {readings['fastest_joint']:.2g} of its speed limit" if is_fast else "", readings
 
 
 ROBOT_AXES: dict[str, tuple[Callable[..., Outcome], tuple]] = {

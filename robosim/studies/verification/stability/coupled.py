@@ -17,8 +17,6 @@ from robosim.studies.verification.stability.cell import G, Outcome, make_sand, s
 CELL, SIDE, E = 0.008, 0.04, 1e5
 TOUCHED = 1500.0 * SIDE**2 * 1.75 * CELL
 """Mass [kg] of the particles in contact with a face of the box, the unit of mass ratios."""
-HEIGHT_TOLERANCE = 3e-4
-"""Largest difference [m] of a body's rest height between host steps."""
 
 
 def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: float, lift: float,
@@ -113,7 +111,7 @@ def _reference_height() -> float:
 def compare_rest_heights(step: float, coupling: Coupling = "mobility") -> Outcome:
     """Compare the rest height at MuJoCo steps [s] with that at 0.2 ms: within 0.3 mm."""
     failure, readings = rest_height(step, coupling)
-    if not failure and abs(readings["height_m"] - _reference_height()) > HEIGHT_TOLERANCE:
+    if not failure and abs(readings["height_m"] - _reference_height()) > 3e-4:
         failure = (f"rests at {1e3 * readings['height_m']:.2f} mm; with steps of 0.2 ms at "
                    f"{1e3 * _reference_height():.2f} mm")
     return failure, readings

@@ -19,8 +19,6 @@ from robosim.studies.verification.stability.coupled import COMPARISONS, COUPLED_
 CELL = 0.005
 REFERENCE_COURANT = 0.2
 """Courant number with whose result the others are compared."""
-WINDOW = 5e-3
-"""Time [s] between checks of the state."""
 
 
 def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: float) -> Outcome:
@@ -38,7 +36,7 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
                 "least_awake": 1.0}
     while solver.time < duration - 1e-9:
         try:
-            solver.advance(WINDOW)
+            solver.advance(5e-3)
         except mpm.SimulationDiverged as error:
             return str(error), readings
         rows = solver.ledger[:, :3]

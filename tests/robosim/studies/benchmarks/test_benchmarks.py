@@ -9,8 +9,8 @@ from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.output_folder import OutputFolder
 from robosim.config.rehearsal import load_rehearsal
 from robosim.studies.benchmarks import KINDS
+from robosim.studies.benchmarks.bench import measure_resets
 from robosim.studies.benchmarks.explain import compare_settings, explain, write_scene_file
-from robosim.studies.benchmarks.resets import measure_resets
 
 
 def result(setting: dict, seconds: float, **readings: float) -> dict:

@@ -7,7 +7,7 @@ import numpy as np
 import yaml
 
 from robosim.config.materials import load_material, overridden
-from robosim.studies.calibration.heap import simulate_heap
+from robosim.studies.calibration.flows import simulate_heap
 from robosim.studies.calibration.measurements import HeapExperiment
 from robosim.studies.columns import rim
 

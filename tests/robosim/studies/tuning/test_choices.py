@@ -8,8 +8,8 @@ from robosim.dosing import CONTROLLERS
 from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.pour_curve import PourCurve
 from robosim.studies.tuning.choices import GENERATION, RANGES, Range, draw_choice
-from robosim.studies.tuning.cost import WORST, episode_cost, summarize_doses
 from robosim.studies.tuning.curve import STEP_DEG, mean_curve
+from robosim.studies.tuning.trial import WORST, episode_cost, summarize_doses
 
 NUMBERS = DosingNumbers.model_validate({
     "task": "Mine", "tool": "spoon", "vibration": {"amplitude": 5e-4, "frequency": 50},

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import mpm
-from robosim.studies.verification.analysis import pareto_front, time_to_error
 from robosim.studies.verification.cases import NAMES, find
 from robosim.studies.verification.cases.case import Record
 from robosim.studies.verification.cases.expectations import Approach, Order, Power, Ratio, Rising, Slope, Within, judge
+from robosim.studies.verification.runs import pareto_front, time_to_error
 
 
 def record(error: float = 0.0, readings: dict[str, float] | None = None, **choices) -> Record:

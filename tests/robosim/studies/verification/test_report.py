@@ -11,10 +11,10 @@ from study_stand_in import StandIn
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.reports.page import Page
-from robosim.studies.verification.analysis import replace_non_finite
 from robosim.studies.verification.cases.continuum import motion
 from robosim.studies.verification.report import read_peers, report
 from robosim.studies.verification.report_page import add_comparison
+from robosim.studies.verification.runs import replace_non_finite
 
 
 def test_a_report_runs_every_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

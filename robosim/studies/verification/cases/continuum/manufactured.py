@@ -17,7 +17,6 @@ PERIOD = 2.0 / SPEED
 E, DENSITY = 1000.0, 1000.0
 """Of the ring."""
 MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
-SLAB = mpm.Walls(lower=("slip", "slip", "periodic"), upper=("slip", "slip", "periodic"))
 FINE = {"courant": 0.2, "precision": "f64"}
 """At Courant number 0.5 the step's own error, of first order, outweighs the cells': the force changes with every
 substep, so that no stride is longer."""
@@ -146,10 +145,10 @@ def vortex(*, cells: int = 40, courant: float = 0.2, precision: str = "f64", amp
     dt = courant * cell / np.sqrt((LAM + 2 * MU) / DENSITY)
     steps = int(np.ceil(1.0 / dt))
     dt = 1.0 / steps
-    room = 1.25 + 3 * cell
+    room, sides = 1.25 + 3 * cell, ("slip", "slip", "periodic")
     body = mpm.Body(mpm.Elastic(E=E, nu=NU, density=DENSITY, model="neo_hookean"), lattice, volume=(cell / 2) ** 3)
-    solver = mpm.Solver(grid=mpm.Grid((-room, -room, 0), (room, room, cell), cell), bodies=[body], walls=SLAB,
-                        gravity=(0, 0, 0), dt=dt * (1 + 1e-9), precision=precision,
-                        body_acceleration=np.zeros_like(lattice))
+    solver = mpm.Solver(grid=mpm.Grid((-room, -room, 0), (room, room, cell), cell), bodies=[body],
+                        walls=mpm.Walls(lower=sides, upper=sides), gravity=(0, 0, 0), dt=dt * (1 + 1e-9),
+                        precision=precision, body_acceleration=np.zeros_like(lattice))
     return run(TimedSolver(solver), steps, dt, lambda t: np.pad(ring_acceleration(X, t, amplitude), ((0, 0), (0, 1))),
                lambda t: np.linalg.norm(solver.positions()[:, :2] - ring_position(X, t, amplitude), axis=1) / amplitude)

@@ -145,15 +145,12 @@ class Slide:
     start: str = "flush"
     """On the bed, or "lowered" from 1.5 cells above it."""
     mass: float = 0.25
-    """[kg]"""
     friction: float = 0.3
     cell: float = 0.008
-    """[m]"""
     coupling: Coupling = "mobility"
     offset_cells: float = 0.0
     """Of the bed's top from a plane of nodes."""
     contact: Contact = "touching"
-    """See `mpm.Solver`."""
     incline_deg: float = 27.0
     """The block slides down by itself, or with 0 begins with `SPEED`; the drag is then over its weight, less that of
     its friction."""
@@ -205,7 +202,10 @@ def sliding_block(run: Slide) -> Record:
         timed.run(plugin.step)
         if (step - 10) * HOST_STEP > HELD:
             speeds.append(data.qvel[0])
-            gaps.append(_gap(data.qpos, solver.positions()[is_top], top - heights.max(), cell))
+            grains, below = solver.positions()[is_top], data.qpos[2] - HEIGHT / 2
+            is_below = (np.abs(grains[:, :2] - data.qpos[:2]) < SLIDER / 2 - 2 * cell).all(1)
+            # the topmost grains reach half of their size higher
+            gaps.append(float((below - grains[is_below, 2].mean() - (top - heights.max())) / cell))
             forces.append(plugin.wrench("body").force)
             pitches.append(2.0 * math.asin(data.qpos[5]))
     acceleration = np.polyfit(HOST_STEP * np.arange(len(speeds)), speeds, 1)[0]
@@ -220,8 +220,3 @@ def sliding_block(run: Slide) -> Record:
     return timed.record(errors | {"gap": np.mean(gaps)}, tangential_share=-along / normal,
                         pitch_deg=math.degrees(pitches[-1]), mean_pitch_deg=math.degrees(np.mean(pitches)))
 
-
-def _gap(place: np.ndarray, grains: np.ndarray, half: float, cell: float) -> float:
-    """Return the cells between the block and the bed under it, whose topmost grains (n, 3) reach half [m] higher."""
-    is_below = (np.abs(grains[:, :2] - place[:2]) < SLIDER / 2 - 2 * cell).all(1)
-    return float((place[2] - HEIGHT / 2 - grains[is_below, 2].mean() - half) / cell)

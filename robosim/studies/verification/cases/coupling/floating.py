@@ -17,8 +17,6 @@ SIDE, WIDTH, DEPTH, SOUND, HOST_STEP = 0.08, 0.24, 0.14, 12.0, 0.004
 """Of the cube and its tank."""
 RADIUS, STIFFNESS, BALL_SOUND, BALL_STEP = 0.03, 200.0, 30.0, 0.001
 """Of the ball on a spring."""
-KICK = 0.1
-"""[m/s] with which the ball starts: it swings by a tenth of its radius."""
 
 
 def accepted(cell: float, density_ratio: float) -> float:
@@ -134,7 +132,7 @@ def added_mass(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2
     plugin = couple(one_body(f'type="sphere" size="{RADIUS}" mass="{mass_ratio * displaced}" friction="0"', (0, 0, 0),
                              joint=f'<joint type="slide" axis="1 0 0" stiffness="{STIFFNESS}"/>', host_step=BALL_STEP,
                              gravity=(0, 0, 0)), solver)
-    plugin.data.qvel[0] = KICK
+    plugin.data.qvel[0] = 0.1  # it swings by a tenth of its radius
     ratio = (radii**3 + 2) / (2 * (radii**3 - 1))
     expected = np.sqrt(STIFFNESS / ((mass_ratio + ratio) * displaced))
     timed, places = TimedSolver(solver), [0.0]

@@ -9,8 +9,6 @@ from robosim.studies.verification.cases.beds import UPRIGHT
 from robosim.studies.verification.cases.case import Record, TimedSolver, case
 from robosim.studies.verification.cases.expectations import each_within
 
-AT_RIM = 5e-4
-"""Depth [m] below the rim up to which a grain that flows over it may pass: its own size is 2 mm."""
 AXES = np.array([0.035, 0.025, 0.030])
 """Semi-axes [m] of the half ellipsoid below z = 0."""
 HOST_DT = 2e-3
@@ -92,8 +90,11 @@ def shell_leak(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 
 
 
 def _crossings(before: np.ndarray, after: np.ndarray) -> int:
-    """Count the segments (n, 3) to (n, 3), in the spoon's frame, that cross the ellipsoid deeper than `AT_RIM`."""
+    """Count the segments (n, 3) to (n, 3), in the spoon's frame, that cross the ellipsoid.
+
+    A grain that flows over the rim may pass up to 0.5 mm below it: its own size is 2 mm.
+    """
     a, b = (np.linalg.norm(x / AXES, axis=1) for x in (before, after))
     share = np.clip((1 - a) / np.where(a == b, 1.0, b - a), 0, 1)
     height = before[:, 2] + share * (after[:, 2] - before[:, 2])
-    return int(np.sum(((a - 1) * (b - 1) < 0) & (height < -AT_RIM)))
+    return int(np.sum(((a - 1) * (b - 1) < 0) & (height < -5e-4)))

@@ -15,12 +15,8 @@ from robosim.studies.verification.cases.rigid_body import couple, one_body
 
 USUAL = {"cell": 0.004, "friction_deg": 24.0, "stiffness": E, "contact": "touching"}
 DIAMETER, BALL_FRICTION = 0.0254, 0.3
-BED = (4.0, 6.0)
-"""Half width and height of the bed [diameters]."""
 HOST_STEP, LONGEST = 5e-4, 0.6
 """[s]: of MuJoCo, and time after which a ball that still moves is given up."""
-AT_REST = 5e-3
-"""Speed [m/s] below which the ball has stopped."""
 
 
 def predict(drop: float, density_ratio: float, mu: float) -> float:
@@ -78,7 +74,7 @@ def dropped_sphere(*, drop: float = 0.1, density_ratio: float = 5.1, friction_de
     density_ratio: of ball to bed, 5.1 for steel.
     """
     sand, mu = make_sand(friction_deg, stiffness), math.tan(math.radians(friction_deg))
-    width, height = (math.ceil(part * DIAMETER / cell) * cell for part in BED)
+    width, height = (math.ceil(part * DIAMETER / cell) * cell for part in (4.0, 6.0))
     positions = mpm.sample_box((0, 0, 0), (width, width, height), cell / 2)
     volume = width**2 * height / len(positions)
     solver = mpm.Solver(
@@ -94,7 +90,7 @@ def dropped_sphere(*, drop: float = 0.1, density_ratio: float = 5.1, friction_de
     data = plugin.data
     data.qvel[0] = -math.sqrt(2 * G * (drop - near))
     timed, has_hit = TimedSolver(solver), False
-    while solver.time < LONGEST and not (has_hit and data.qvel[0] > -AT_REST):
+    while solver.time < LONGEST and not (has_hit and data.qvel[0] > -5e-3):  # at rest
         timed.run(plugin.step)
         has_hit = has_hit or data.qpos[0] < -near - 0.25 * DIAMETER
     depth = -float(data.qpos[0]) - near if has_hit and solver.time < LONGEST else np.nan

@@ -11,14 +11,9 @@ from robosim.studies.verification.cases.case import Comparison, Record, TimedSol
 from robosim.studies.verification.cases.expectations import Power, Ratio, Within, each_within
 from robosim.studies.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, NU, E, G, Plate, make_sand, push
 
-BED = (0.6, 0.2)
-"""Length and height of the blade's [m]."""
-BLADE_SPEED = 0.05
-"""[m/s]: a blade that starts at once sends off a wave of some 2 kPa, density times both speeds, which has to fade."""
-REACH = 1.0
-"""Cells in front of a shell's face and edge within which it acts, so that the sand meets a deeper blade."""
 BEGIN, END = 0.15, 0.30
-"""Way of the blade [depths] over which the force is averaged."""
+"""Way of the blade [depths] over which the force is averaged: one that starts at once sends off a wave of some 2 kPa,
+density times both speeds, which has to fade."""
 HEIGHT, LENGTH, PHI_DEG = 0.2, 0.6, 30.0
 """Of the sand at the wall [m]; friction angle in plane strain."""
 WALL_WINDOW = 2e-3
@@ -81,7 +76,7 @@ def compare_drag(records: list[Record]) -> list[Comparison]:
                   Power("drag", "depth", 1.8, 2.2, {"cell": 0.005, "friction": 0.4, "speed": 0.05}),
                   Ratio("drag", "speed", (0.01, 0.1), 0.9, 1.1, {"cell": 0.0075, "depth": 0.06})),
     main_error="force", resolution="cell", compare=compare_drag)
-def plate_drag(*, depth: float = 0.06, cell: float = 0.005, friction: float = 0.4, speed: float = BLADE_SPEED,
+def plate_drag(*, depth: float = 0.06, cell: float = 0.005, friction: float = 0.4, speed: float = 0.05,
                friction_deg: float = FRICTION_DEG, stiffness: float = E, precision: str = "f32") -> Record:
     """Upright blade drawn through sand at constant depth, with its upper edge above the surface, in plane strain.
 
@@ -91,12 +86,12 @@ def plate_drag(*, depth: float = 0.06, cell: float = 0.005, friction: float = 0.
     """
     pushed = push(make_sand(friction_deg, stiffness), Plate(
         beta_deg=90.0, gamma_deg=0.0, start_depth=0.0, travel=END * depth, cell=cell, side=2 * depth,
-        bed=(BED[0], 0.0, BED[1]), friction=friction, speed=speed, precision=precision))
+        bed=(0.6, 0.0, 0.2), friction=friction, speed=speed, precision=precision))
     slips = pushed.travels > BEGIN * depth
     drag = -float(np.mean(pushed.stresses[slips, 0])) * 2 * depth
     expected = wedge(depth, friction, friction_deg)
     return make_record([pushed.cost], {"force": drag / expected - 1}, drag=drag, expected=expected, depth=depth,
-                       immersion=depth + REACH * cell)
+                       immersion=depth + cell)  # a shell acts within a cell of its edge
 
 
 def compare_wall(records: list[Record]) -> list[Comparison]:

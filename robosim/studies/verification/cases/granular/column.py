@@ -13,7 +13,6 @@ from robosim.studies.verification.cases.expectations import Within
 
 ROUND = {"a": 1.0, "cells": 12, "cone": "compression", "strides": True}
 RADIUS, DENSITY, NU, G = 0.1, 1600.0, 0.3, 9.81
-FLOOR_FRICTION = 0.5
 ANGLES_DEG = {"compression": 25.377, "plane_strain": 35.264}
 """Friction angle with which either cone carries tan 30 deg in simple shear."""
 NEWTON = np.array([(0.03, 3.56, 0.2000), (0.02, 7.75, 0.2126), (0.0125, 25.2, 0.2205)])
@@ -62,7 +61,7 @@ def build_column(column: Column, sleep: bool | float = False) -> mpm.Solver:
     side = "roller" if column.quarter else "friction"
     return mpm.Solver(
         grid=mpm.Grid((near, near, 0), (room, room, 1.2 * a * RADIUS + 2 * cell), cell),
-        walls=mpm.Walls(friction=FLOOR_FRICTION, lower=(side, side, "friction")),
+        walls=mpm.Walls(friction=0.5, lower=(side, side, "friction")),
         bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), precision=column.precision, sleep=sleep,
         transfer_interval=None if column.strides else 0.0, dt=courant_step(column.courant, cell, sand))
 

@@ -17,8 +17,6 @@ CELL, HALF, HEIGHT, FALL = 0.0025, 0.10, 0.20, 0.15
 DENSITY, NU, E, PHI_DEG = 1500.0, 0.3, 1e5, 25.377
 """The angle with which the cone of triaxial compression carries tan 30 deg in simple shear."""
 _USUAL = {"E": E, "floor_friction": 0.5, "floor_cells": 4, "strides": True}
-CLOGGED = 1.0
-"""Cells by which the floor's two edges narrow the slot: half a cell each."""
 LAWS = ("drucker_prager", "slow", "mu_i")
 """tan 30 deg in simple shear; the friction of the reference's law in slow flow; that law itself."""
 SLOW, FAST, I0, GRAIN = 0.32, 0.60, 0.4, 1e-3
@@ -32,8 +30,6 @@ PLACES = 0.011 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]
 THICKNESS, SALT, PER_CELL = 1.5e-3, 1217.0, 8
 """SALT: density [kg/m^3]."""
 HOLE_C, K = 0.58, 1.4
-UNTIL = 0.2
-"""Time [s] that the bed has to settle, with the holes already open, and the rate to become steady."""
 
 
 def make_sand(law: str, E: float) -> mpm.DruckerPrager:
@@ -102,7 +98,7 @@ def orifice(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "
         return np.polyfit(t[part], area[part], 1)[0]
 
     rate, early, late = 2.0 * mean_rate(0.25), mean_rate(0.25, 0.6), mean_rate(0.6, 0.95)
-    width = (orifice_cells - CLOGGED) * CELL
+    width = (orifice_cells - 1.0) * CELL  # the floor's edges narrow the slot by half a cell each
     errors = {"prefactor": rate / (C * math.sqrt(G) * width**1.5) - 1,
               "steadiness": late / early - 1 if early > 0 else np.nan}  # nothing runs out of a slot that clogs
     return timed.record(errors, rate=rate, free_width=width, slot=orifice_cells * CELL,
@@ -151,7 +147,7 @@ def small_hole(*, ratio: float = 8.0, cell: float = 0.006, diameter: float = 3e-
     def lawful(width: float) -> float:
         return len(PLACES) * HOLE_C * SALT * math.sqrt(G) * width**2.5 * duration
 
-    timed.advance(UNTIL)
+    timed.advance(0.2)  # the bed settles, with the holes already open, and the rate becomes steady
     begin, momentum = mass_below(), np.concatenate(solver.momentum())
     given, exchanged = np.zeros(6), np.zeros(2)
     for _ in range(round(duration / 0.05)):

@@ -19,8 +19,6 @@ WALL = 4.0
 BEGIN, TURN, LOOKS = 1.6, 2.6, 40
 """Turn [rad] before the measurement; whole turn; readings. The sand first turns with the drum, to 42 deg, slips down to
 29 deg and back up: from 1.6 rad on the slope is steady."""
-INNER = 0.5
-"""Share of the surface's chord over which its slope is fitted."""
 
 
 class Drum(Shape):
@@ -146,7 +144,7 @@ def surface_line(positions: np.ndarray, cell: float) -> tuple[float, float]:
         np.maximum.at(tops, columns - columns.min(), up)
         centres = (np.arange(len(tops)) + columns.min()) * cell
         level = np.median(tops[np.isfinite(tops)])
-        inner = (np.abs(centres) < INNER * math.sqrt(max(RADIUS**2 - level**2, 0.0))) & np.isfinite(tops)
+        inner = (np.abs(centres) < 0.5 * math.sqrt(max(RADIUS**2 - level**2, 0.0))) & np.isfinite(tops)
         slope, level = np.polyfit(centres[inner], tops[inner], 1)
         angle += math.atan(slope)
     return abs(math.degrees(angle)), float(level) + cell / 4  # half a grain above the centres

@@ -14,8 +14,6 @@ SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.
 CELL, STEP = 0.01, 0.01
 SPEED, STROKE, BALL, DEPTH = 0.1, 0.12, 0.015, 0.02
 """Of the plough: speed [m/s], length, radius and depth below the surface [m]."""
-CREEP = 1e-4
-"""[m/s]"""
 BED = (0.2, 0.08, 0.04)
 MIDDLE = np.array([0.08, 0.08, -CELL])
 """Of the plate that vibrates, at rest."""
@@ -89,7 +87,7 @@ def creep(sleep: float, pause: float) -> Watch:
     """Let a block slide on a floor without friction for 2 s; measure its path."""
     block = mpm.sample_box((0.03, 0.02, 0.0), (0.07, 0.06, 0.02), CELL / 2)
     body = mpm.Body(mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0), block, volume=(CELL / 2) ** 3,
-                    velocities=np.tile([CREEP, 0.0, 0.0], (len(block), 1)))
+                    velocities=np.tile([1e-4, 0.0, 0.0], (len(block), 1)))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.12, 0.08, 0.06), CELL), walls=mpm.Walls.all("slip"), bodies=[body],
                         sleep=sleep or False, precision="f64")
     watch = Watch(solver)

@@ -23,8 +23,6 @@ BULK, GRAIN, DIAMETER, INERTIAL = 1470.0, 2450.0, 2e-3, 0.279
 """Densities [kg/m^3] of bulk and grain, diameter [m] of a grain, inertial number I0."""
 STATIC_DEG, LIMIT_DEG = 17.3, 28.0
 """Angles [deg] of the cone at rest and at infinite rate: ratios of shear to normal stress of 0.381 and 0.643."""
-BEGIN = 0.5
-"""Velocity of the flow at the start, relative to the reference."""
 
 
 def shear_ratio(phi_deg: float, cone: str) -> float:
@@ -148,7 +146,7 @@ def chute_flow(*, cells: int = 20, theta_deg: float = 26.0, E: float = 2e5, cour
                           grain_diameter=DIAMETER, grain_density=GRAIN, inertial_number=INERTIAL)
     grains, volume = mpm.sample_box((0, 0, 0), (cell, cell, FLOW), cell / 2), (cell / 2) ** 3
     speed = np.zeros_like(grains)
-    speed[:, 0] = BEGIN * flow_speed(grains[:, 2], theta_deg)
+    speed[:, 0] = 0.5 * flow_speed(grains[:, 2], theta_deg)  # it has to reach the reference
     stress = mpm.geostatic_stress(grains, volume, law, gravity=G * math.cos(theta), lateral=1.0)
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (cell, cell, 1.2 * FLOW), cell), walls=INCLINE, precision=precision,

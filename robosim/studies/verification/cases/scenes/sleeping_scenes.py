@@ -30,7 +30,8 @@ def rehearse(name: str, sleep: float) -> Outcome:
     figures = compute_figures(run)
     names = {"mass": "scooped_mass_kg", "unaccounted": "momentum_residual", "delivered": "delivered_fraction",
              "awake": "awake_share"}
-    readings = {name: _number(figures[figure]) for name, figure in names.items()}
+    values = {name: figures[figure] for name, figure in names.items()}
+    readings = {name: float(value) if isinstance(value, int | float) else np.nan for name, value in values.items()}
     return timed.cost._replace(seconds=run.wall_time), readings
 
 
@@ -80,7 +81,3 @@ def sleeping_scenes(*, scene: str = "SpoonScoop", sleep: float = 1.0) -> Record:
     return make_record([asleep], errors, speedup=awake.seconds / asleep.seconds, seconds_awake=awake.seconds,
                        awake_share=after["awake"], **{f"{name} awake": value for name, value in before.items()})
 
-
-def _number(value: object) -> float:
-    """Return a figure of a report as a number, NaN where there is none."""
-    return float(value) if isinstance(value, int | float) else float("nan")
