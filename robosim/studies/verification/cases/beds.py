@@ -28,6 +28,13 @@ def fill_box(law: Material, low: Any, high: Any, cell: float, **more: Any) -> mp
     return mpm.Body(law, mpm.sample_box(low, high, cell / 2), volume=(cell / 2) ** 3, **more)
 
 
+def set_up(body: mpm.Body, upper: Any, cell: float, lower: Any = (0, 0, 0), **scene: Any
+           ) -> tuple[TimedSolver, mpm.Solver]:
+    """Return a solver of a body on a grid between two corners [m], timed and by itself; scene: of `mpm.Solver`."""
+    solver = mpm.Solver(grid=mpm.Grid(lower, upper, cell), bodies=[body], **scene)
+    return TimedSolver(solver), solver
+
+
 def resting_body(law: Material, positions: np.ndarray, volume: float) -> mpm.Body:
     """Return a bed with the stress of rest under its own weight; volume: of a particle [m^3]."""
     return mpm.Body(law, positions, volume=volume, stress=mpm.geostatic_stress(positions, volume, law))

@@ -7,7 +7,7 @@ import trimesh
 
 import mpm
 from mpm.geometry.shell import SHELL_FACE
-from robosim.studies.verification.cases.beds import SMOOTH_SLICE, UPRIGHT, fill_box, load_pressure
+from robosim.studies.verification.cases.beds import SMOOTH_SLICE, UPRIGHT, fill_box, load_pressure, set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within, each_within
 
@@ -44,9 +44,7 @@ def hydrostatic(*, cells: int = 20, precision: str = "f32", material: str = "wat
         law = mpm.DruckerPrager(E=3e5 * (1 - 2 * 0.3), nu=0.3, density=DENSITY, friction_angle_deg=0.0)
     body = fill_box(law, (0, 0, 0), (4 * cell, 4 * cell, REST_DEPTH), cell)
     depth = REST_DEPTH - body.positions[:, 2]
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.12), cell), walls=mpm.Walls.all("roller"),
-                        bodies=[body], precision=precision)
-    timed = TimedSolver(solver)
+    timed, solver = set_up(body, (4 * cell, 4 * cell, 0.12), cell, walls=mpm.Walls.all("roller"), precision=precision)
     timed.settle(0.2)
     state = solver.state()
     if material == "water":
@@ -127,11 +125,10 @@ def lock_gate(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: flo
                             process=False)
     shell = mpm.Shell.from_mesh(plate, thickness_cells * cell, face_cells=face_cells)
     gate = mpm.Collider(shell, friction=0.0, pose=mpm.Pose(np.array([middle, WIDTH / 2, 0.0]), UPRIGHT))
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (2 * CHAMBER, WIDTH, DEEP + 4 * cell), cell), colliders=[gate], precision=precision,
-        walls=SMOOTH_SLICE, bodies=[mpm.Body(water, positions, volume=volumes)], dt=courant * cell / SOUND)
+    timed, solver = set_up(mpm.Body(water, positions, volume=volumes), (2 * CHAMBER, WIDTH, DEEP + 4 * cell), cell,
+                           colliders=[gate], precision=precision, walls=SMOOTH_SLICE, dt=courant * cell / SOUND)
     load_pressure(solver, water, np.repeat([DEEP, SHALLOW], counts) - positions[:, 2])
-    timed, window = TimedSolver(solver), 0.005
+    window = 0.005
     timed.settle(0.2)
     pushes = []
     for _ in range(round(duration / window)):

@@ -3,8 +3,8 @@
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.beds import courant_step
-from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.beds import courant_step, set_up
+from robosim.studies.verification.cases.case import Record, case, grid
 from robosim.studies.verification.cases.expectations import Within
 
 G = 9.81
@@ -27,9 +27,8 @@ def free_fall(*, precision: str = "f64", speed: float = 0.0, steps: int = 150, d
     start = mpm.sample_box(low, low + 4 * cell, cell / 2)
     body = mpm.Body(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), start, volume=(cell / 2) ** 3,
                     velocities=np.tile(velocity, (len(start), 1)))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.6, 1, 1), cell), bodies=[body], dt=dt, precision=precision,
-                        transfer_interval=None if strides else 0.0)
-    timed = TimedSolver(solver)
+    timed, solver = set_up(body, (1.6, 1, 1), cell, dt=dt, precision=precision,
+                           transfer_interval=None if strides else 0.0)
     timed.advance(steps * dt)
     expected = start + velocity * steps * dt + np.array([0, 0, -G]) * dt**2 * steps * (steps + 1) / 2
     error = np.abs(solver.positions() - expected)
@@ -53,9 +52,8 @@ def slow_translation(*, precision: str = "f32", speed: float = 1e-5, steps: int 
     start = mpm.sample_box((0.9,) * 3, (0.9 + 3 * cell,) * 3, cell / 2, np.random.default_rng(0))
     sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
     body = mpm.Body(sand, start, np.full(start.shape, speed), volume=(cell / 2) ** 3)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.2, 1.2, 1.2), cell), bodies=[body], gravity=(0, 0, 0), dt=dt,
-                        precision=precision, transfer_interval=None if strides else 0.0)
-    timed = TimedSolver(solver)
+    timed, solver = set_up(body, (1.2, 1.2, 1.2), cell, gravity=(0, 0, 0), dt=dt, precision=precision,
+                           transfer_interval=None if strides else 0.0)
     timed.advance(steps * dt)
     moved = (solver.positions() - start).mean(0)
     return timed.record({"displacement": np.abs(moved / (speed * steps * dt) - 1.0).max()})
@@ -78,9 +76,7 @@ def spin(*, precision: str = "f64", courant: float = 0.3, steps: int = 1000) -> 
     material = mpm.Elastic(E=1e4, nu=0.3, density=1000.0)
     body = mpm.Body(material, positions, volume=(cell / 2) ** 3, velocities=np.cross(rate, positions - centre))
     dt = courant_step(courant, cell, material)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), cell), bodies=[body], gravity=(0, 0, 0), dt=dt,
-                        precision=precision)
-    timed = TimedSolver(solver)
+    timed, solver = set_up(body, (1, 1, 1), cell, gravity=(0, 0, 0), dt=dt, precision=precision)
     timed.advance(dt)  # the affine part is there from the first gather on
     before, energy = solver.momentum(), solver.energy()
     timed.advance(steps * dt)

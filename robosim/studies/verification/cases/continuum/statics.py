@@ -3,7 +3,7 @@
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.beds import courant_step, fill_box
+from robosim.studies.verification.cases.beds import courant_step, fill_box, set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case
 from robosim.studies.verification.cases.expectations import Within, each_within
 
@@ -79,9 +79,8 @@ def column_weight(*, cells: int = 20, precision: str = "f32", integrator: str | 
     cell = COLUMN / cells
     body = fill_box(mpm.Elastic(E=E, nu=NU, density=COLUMN_DENSITY), (0, 0, 0), (4 * cell, 4 * cell, COLUMN), cell)
     law, depth = body.material, COLUMN - body.positions[:, 2]
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.25), cell), walls=mpm.Walls.all("roller"),
-                        bodies=[body], precision=precision, integrator=integrator)
-    timed = TimedSolver(solver)
+    timed, solver = set_up(body, (4 * cell, 4 * cell, 0.25), cell, walls=mpm.Walls.all("roller"), precision=precision,
+                           integrator=integrator)
     timed.settle(0.3)
     h = 0.5 * np.log1p(solver.state()["e"].astype(float)[:, :3])
     stress = (2 * law.mu * h[:, 2] + law.lam * h.sum(1)) / np.exp(h[:, 2])

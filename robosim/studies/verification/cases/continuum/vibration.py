@@ -4,8 +4,8 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 import mpm
-from robosim.studies.verification.cases.beds import courant_step
-from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.beds import courant_step, set_up
+from robosim.studies.verification.cases.case import Record, case, grid
 from robosim.studies.verification.cases.expectations import Order, each_within
 
 LENGTH, E, DENSITY, SPEED = 25.0, 100.0, 1.0, 0.1
@@ -40,10 +40,9 @@ def bar(*, cells: int = 50, courant: float = 0.2, precision: str = "f64", period
     velocity[:, 0] = SPEED * np.sin(BETA * positions[:, 0])
     body = mpm.Body(mpm.Elastic(E=E, nu=0.0, density=DENSITY, model="neo_hookean"), positions,
                     volume=(cell / 2) ** 3, velocities=velocity)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (LENGTH + 3 * cell, 4 * cell, 4 * cell), cell), bodies=[body],
-                        gravity=(0, 0, 0), walls=mpm.Walls.all("roller"), precision=precision,
-                        dt=courant * cell / np.sqrt(E / DENSITY))
-    timed, times, centre = TimedSolver(solver), [], []
+    timed, solver = set_up(body, (LENGTH + 3 * cell, 4 * cell, 4 * cell), cell, gravity=(0, 0, 0),
+                           walls=mpm.Walls.all("roller"), precision=precision, dt=courant * cell / np.sqrt(E / DENSITY))
+    times, centre = [], []
     while solver.time < periods * 2 * np.pi / OMEGA:
         timed.advance(0.2)
         times.append(solver.time)
@@ -76,11 +75,9 @@ def elastic_energy(*, model: str = "hencky", cells: int = 12, courant: float = 0
     room, centre = 2.0 * SIDE, np.full(3, SIDE)
     positions = mpm.sample_box(centre - SIDE / 2, centre + SIDE / 2, cell / 2)
     velocities = RATE * (positions - centre) * (1.0, -NU, -NU)
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (room, room, room), cell), gravity=(0, 0, 0), precision=precision,
-        bodies=[mpm.Body(law, positions, volume=SIDE**3 / len(positions), velocities=velocities)],
-        transfer_interval=None if strides else 0.0, dt=courant_step(courant, cell, law))
-    timed = TimedSolver(solver)
+    timed, solver = set_up(mpm.Body(law, positions, volume=SIDE**3 / len(positions), velocities=velocities),
+                           (room, room, room), cell, gravity=(0, 0, 0), precision=precision,
+                           transfer_interval=None if strides else 0.0, dt=courant_step(courant, cell, law))
     timed.advance(solver.dt)  # the affine part is there from the first gather on
     times, energies = [0.0], [sum(solver.energy())]
     for _ in range(40 * periods):

@@ -7,6 +7,7 @@ from mpm.scene.scene import Contact
 from robosim.config.materials import load_material
 from robosim.coupling.plugin import Coupling
 from robosim.scene.field import build_tool_sdf
+from robosim.studies.verification.cases.beds import set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Rising, Within, each_within
 from robosim.studies.verification.cases.rigid_body import G, couple
@@ -102,12 +103,11 @@ def driven_wheel(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.
     """
     positions = mpm.sample_box((0, 0, 0), BED, cell / 2)
     sand = mpm.DruckerPrager(E=5e5, nu=0.3, density=1600.0, friction_angle_deg=FRICTION_ANGLE)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (BED[0], BED[1], BED[2] + 0.12), cell), precision=precision,
-                        bodies=[mpm.Body(sand, positions, volume=np.prod(BED) / len(positions))],
-                        walls=mpm.Walls.all("slip"))
+    timed, solver = set_up(mpm.Body(sand, positions, volume=np.prod(BED) / len(positions)),
+                           (BED[0], BED[1], BED[2] + 0.12), cell, precision=precision, walls=mpm.Walls.all("slip"))
     plugin = couple(WHEEL.format(host_step=HOST_STEP, y=BED[1] / 2, z=BED[2] + RADIUS, radius=RADIUS, half=WIDTH / 2,
                                  mass=LOAD / G - 0.01), solver, bodies={"wheel": None})
-    data, timed, pulls, sinkages = plugin.data, TimedSolver(solver), [], []
+    data, pulls, sinkages = plugin.data, [], []
     for step in range(round(duration / HOST_STEP)):
         # the carriage is too heavy, the axle too stiffly driven, for the sand to change their speeds within a step
         data.qvel[0], data.qvel[2] = SPEED * (1 - slip), SPEED / RADIUS

@@ -7,7 +7,7 @@ import trimesh
 
 import mpm
 from mpm.scene.scene import Contact
-from robosim.studies.verification.cases.beds import load_pressure
+from robosim.studies.verification.cases.beds import load_pressure, set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.rigid_body import G, couple, damp, one_body
@@ -48,9 +48,8 @@ def floating_cube(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cell
     offset = np.abs(positions - [middle, WIDTH / 2, bottom + SIDE / 2]).max(1)
     positions = positions[offset > SIDE / 2]
     water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY, volume_rate=volume_rate)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, DEPTH + SIDE), cell), precision=precision,
-                        bodies=[mpm.Body(water, positions, volume=volume)], walls=mpm.Walls.all("slip"),
-                        contact=contact)
+    timed, solver = set_up(mpm.Body(water, positions, volume=volume), (WIDTH, WIDTH, DEPTH + SIDE), cell,
+                           precision=precision, walls=mpm.Walls.all("slip"), contact=contact)
     load_pressure(solver, water, DEPTH - positions[:, 2])
     # a fixed cube hangs on a joint that is far too heavy to be moved
     joint = '<joint type="slide" axis="0 0 1" armature="1e9"/>' if fixed else "<freejoint/>"
@@ -58,7 +57,7 @@ def floating_cube(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cell
     plugin = couple(one_body(
         f'type="box" size="{half} {half} {half}" mass="{density_ratio * DENSITY * SIDE**3}" friction="0"',
         (middle, WIDTH / 2, bottom + SIDE / 2), joint=joint, host_step=HOST_STEP), solver)
-    data, timed, thrusts, draughts, tilts = plugin.data, TimedSolver(solver), [], [], []
+    data, thrusts, draughts, tilts = plugin.data, [], [], []
     for step in range(round(duration / HOST_STEP)):
         timed.run(plugin.step)
         if step * HOST_STEP < duration / 2:  # to rest: a little of all motion is taken away

@@ -6,6 +6,7 @@ import numpy as np
 import mpm
 from mpm.scene.scene import Contact
 from robosim.coupling.plugin import Coupling
+from robosim.studies.verification.cases.beds import set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.rigid_body import couple, one_body
@@ -67,15 +68,13 @@ def closed_system(*, material: str = "elastic", precision: str = "f64", mass_rat
     law = mpm.Elastic(E=1e5, nu=0.3, density=1000.0) if material == "elastic" else \
         mpm.DruckerPrager(E=1e5, nu=0.2, density=1000.0, friction_angle_deg=30.0)
     positions = mpm.sample_box((-BLOB / 2,) * 3, (BLOB / 2,) * 3, cell / 2)
-    solver = mpm.Solver(
-        grid=mpm.Grid((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4), cell), gravity=(0, 0, 0), precision=precision,
-        bodies=[mpm.Body(law, positions, volume=BLOB**3 / len(positions))], walls=mpm.Walls.all("slip"))
+    timed, solver = set_up(mpm.Body(law, positions, volume=BLOB**3 / len(positions)), (0.4,) * 3, cell,
+                           lower=(-0.4,) * 3, gravity=(0, 0, 0), precision=precision, walls=mpm.Walls.all("slip"))
     plugin = couple(one_body(f'type="sphere" size="0.05" mass="{mass_ratio}" friction="0.3"', (0.115, 0.01, 0.005),
                              host_step=HOST_STEP, gravity=(0, 0, 0)), solver, coupling)
     model, data = plugin.model, plugin.data
     data.qvel[:] = [-BALL_SPEED, 0, 0, 0, 0, SPIN]
     mujoco.mj_forward(model, data)
-    timed = TimedSolver(solver)
 
     def momenta() -> np.ndarray:
         """Linear and angular momenta (2, 2, 3) of ball and blob about the origin."""

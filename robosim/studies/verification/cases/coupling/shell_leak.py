@@ -5,8 +5,8 @@ import trimesh
 
 import mpm
 from mpm.geometry.shell import SHELL_FACE
-from robosim.studies.verification.cases.beds import UPRIGHT
-from robosim.studies.verification.cases.case import Record, TimedSolver, case
+from robosim.studies.verification.cases.beds import UPRIGHT, set_up
+from robosim.studies.verification.cases.case import Record, case
 from robosim.studies.verification.cases.expectations import each_within
 
 AXES = np.array([0.035, 0.025, 0.030])
@@ -63,9 +63,8 @@ def shell_leak(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 
     sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
     spoon = mpm.Collider(mpm.Shell.from_mesh(bowl(), thickness, face_cells=face_cells), friction=0.3,
                          pose=mpm.Pose(start, UPRIGHT))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.25, 0.16, 0.2), cell), colliders=[spoon], precision=precision,
-                        bodies=[mpm.Body(sand, fill + start, volume=spacing**3)])
-    timed = TimedSolver(solver)
+    timed, solver = set_up(mpm.Body(sand, fill + start, volume=spacing**3), (0.25, 0.16, 0.2), cell, colliders=[spoon],
+                           precision=precision)
     before, impulse_sum, exchanged = solver.momentum().linear, np.zeros(3), 0.0
     local, crossed, weight = solver.positions() - start, 0, []
     for step in range(round(until / HOST_DT)):

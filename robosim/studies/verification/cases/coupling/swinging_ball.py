@@ -8,7 +8,7 @@ import trimesh
 import mpm
 from mpm.geometry.shell import SHELL_FACE
 from robosim.scene.settle import settle
-from robosim.studies.verification.cases.beds import UPRIGHT, load_pressure
+from robosim.studies.verification.cases.beds import UPRIGHT, load_pressure, set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.rigid_body import G, couple, one_body
@@ -94,11 +94,10 @@ def swinging_ball(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", c
         shape = mpm.Sdf.sphere(RADIUS) if ball == "solid" else mpm.Shell.from_mesh(
             trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2), THICKNESS, face_cells=face_cells)
         held = [mpm.Collider(shape, friction=0.0, pose=mpm.Pose(middle, UPRIGHT))]
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, WIDTH), cell), walls=mpm.Walls.all("roller"),
-                        precision=precision, colliders=held, transfer_interval=transfer_interval,
-                        bodies=[mpm.Body(water, positions, volume=volume)])
+    timed, solver = set_up(mpm.Body(water, positions, volume=volume), (WIDTH, WIDTH, WIDTH), cell,
+                           walls=mpm.Walls.all("roller"), precision=precision, colliders=held,
+                           transfer_interval=transfer_interval)
     load_pressure(solver, water, WIDTH - positions[:, 2])
-    timed = TimedSolver(solver)
     if ball == "pendulum":
         return _swing(timed, displaced, host_step)
     timed.settle(SETTLING)

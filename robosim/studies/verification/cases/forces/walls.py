@@ -6,8 +6,8 @@ import numpy as np
 
 import mpm
 from mpm.scene.scene import Contact
-from robosim.studies.verification.cases.beds import SLICE, UPRIGHT, carry, courant_step, resting_body
-from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid, make_record
+from robosim.studies.verification.cases.beds import SLICE, UPRIGHT, carry, courant_step, resting_body, set_up
+from robosim.studies.verification.cases.case import Comparison, Record, case, grid, make_record
 from robosim.studies.verification.cases.expectations import Power, Ratio, Within, each_within
 from robosim.studies.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, NU, E, G, Plate, make_sand, push
 
@@ -123,12 +123,10 @@ def retaining_wall(*, state: str = "active", cells: int = 20, phi_deg: float = P
     positions = mpm.sample_box((face, 0, 0), (face + length, cell, HEIGHT), cell / 2)
     volume, half = length * cell * HEIGHT / len(positions), np.array([4 * cell, 4 * cell, HEIGHT])
     start = mpm.Pose(np.array([face - half[0], cell / 2, half[2] - 4 * cell]), UPRIGHT)
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (face + length, cell, 1.25 * HEIGHT), cell), precision=precision,
-        colliders=[mpm.Collider(mpm.Sdf.box(tuple(half)), friction=0.0, pose=start)],
-        walls=SLICE, bodies=[resting_body(sand, positions, volume)], contact=contact, gravity=(0, 0, -G),
-        dt=courant_step(0.5, cell, sand))
-    timed = TimedSolver(solver)
+    timed, solver = set_up(resting_body(sand, positions, volume), (face + length, cell, 1.25 * HEIGHT), cell,
+                           precision=precision,
+                           colliders=[mpm.Collider(mpm.Sdf.box(tuple(half)), friction=0.0, pose=start)], walls=SLICE,
+                           contact=contact, gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
     timed.settle(0.05)
     way, speed, counted = MOTIONS[state]
     windows = round(abs(way) * HEIGHT / speed / WALL_WINDOW)
@@ -185,13 +183,11 @@ def silo_load(*, cells: int = 20, slenderness: float = 3.0, wall_friction: float
     positions = mpm.sample_box((0, 0, base), (WIDTH, cell, base + height), cell / 2)
     start = mpm.Pose(np.array([WIDTH / 2, cell / 2, base - half[2]]), UPRIGHT)
     sides = ("friction", "periodic", "slip")
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (WIDTH, cell, base + height + 4 * cell), cell), precision=precision,
-        colliders=[mpm.Collider(mpm.Sdf.box(tuple(half)), friction=0.0, pose=start)], contact="touching",
-        walls=mpm.Walls(friction=wall_friction, lower=sides, upper=sides), gravity=(0, 0, -G),
-        bodies=[resting_body(sand, positions, WIDTH * cell * height / len(positions))],
-        dt=courant_step(0.5, cell, sand))
-    timed = TimedSolver(solver)
+    timed, solver = set_up(resting_body(sand, positions, WIDTH * cell * height / len(positions)),
+                           (WIDTH, cell, base + height + 4 * cell), cell, precision=precision,
+                           colliders=[mpm.Collider(mpm.Sdf.box(tuple(half)), friction=0.0, pose=start)],
+                           contact="touching", walls=mpm.Walls(friction=wall_friction, lower=sides, upper=sides),
+                           gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
     timed.settle(0.2)
     weight, windows, pushes = DENSITY * G * WIDTH * height * cell, round(WAY / SPEED / FLOOR_WINDOW), []
     for _ in carry(timed, lambda k: [0, 0, -(k / windows * WAY)], windows, FLOOR_WINDOW):

@@ -7,8 +7,8 @@ import trimesh
 
 import mpm
 from robosim.base.errors import UnknownName
-from robosim.studies.verification.cases.beds import UPRIGHT, courant_step
-from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.beds import UPRIGHT, courant_step, set_up
+from robosim.studies.verification.cases.case import Record, case, grid
 from robosim.studies.verification.cases.expectations import Power, Slope, Within, each_within
 
 C, G = 1.504, 9.81
@@ -80,11 +80,10 @@ def orifice(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "
         mpm.Sdf.box(((HALF + reach - half_slot) / 2, 4 * CELL, thick / 2)), static=True, friction=floor_friction,
         pose=mpm.Pose(np.array([(HALF + reach + half_slot) / 2, CELL / 2, FALL - thick / 2]), UPRIGHT))
     walls = mpm.Walls(lower=("roller", "periodic", "friction"), upper=("slip", "periodic", "slip"))
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (HALF, CELL, FALL + HEIGHT + 2 * CELL), CELL), colliders=[floor], walls=walls,
-        bodies=[mpm.Body(sand, positions, volume=volume)], precision=precision,
-        transfer_interval=None if strides else 0.0, dt=courant_step(courant, CELL, sand))
-    timed, times, passed, share = TimedSolver(solver), [0.0], [0.0], 0.0
+    timed, solver = set_up(mpm.Body(sand, positions, volume=volume), (HALF, CELL, FALL + HEIGHT + 2 * CELL), CELL,
+                           colliders=[floor], walls=walls, precision=precision,
+                           transfer_interval=None if strides else 0.0, dt=courant_step(courant, CELL, sand))
+    times, passed, share = [0.0], [0.0], 0.0
     while share < 0.4 and solver.time < 4.0:
         timed.advance(5e-3)
         share = float(np.mean(solver.positions()[:, 2] < FALL - thick))
@@ -136,10 +135,9 @@ def small_hole(*, ratio: float = 8.0, cell: float = 0.006, diameter: float = 3e-
                         C=HOLE_C)
     holder = mpm.Collider(mpm.Shell.from_mesh(can, THICKNESS), friction=0.3, orifices=[holes],
                           pose=mpm.Pose(place, UPRIGHT))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * CAN, 4 * CAN, BELOW + DEEP + cell), cell), colliders=[holder],
-                        bodies=[mpm.Body(salt, grains + place, volume=spacing**3)], precision=precision,
-                        gravity=(0, 0, -G))
-    timed, mass = TimedSolver(solver), float(solver.masses()[0])
+    timed, solver = set_up(mpm.Body(salt, grains + place, volume=spacing**3), (4 * CAN, 4 * CAN, BELOW + DEEP + cell),
+                           cell, colliders=[holder], precision=precision, gravity=(0, 0, -G))
+    mass = float(solver.masses()[0])
 
     def mass_below() -> float:
         return mass * float(np.count_nonzero(solver.positions()[:, 2] < BELOW))

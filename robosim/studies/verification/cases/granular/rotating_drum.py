@@ -7,8 +7,8 @@ import numpy as np
 import mpm
 from mpm.backend import ti
 from mpm.geometry.shape import Shape
-from robosim.studies.verification.cases.beds import SMOOTH_SLICE, courant_step
-from robosim.studies.verification.cases.case import Record, TimedSolver, case
+from robosim.studies.verification.cases.beds import SMOOTH_SLICE, courant_step, set_up
+from robosim.studies.verification.cases.case import Record, case
 from robosim.studies.verification.cases.expectations import Ratio, each_within
 from robosim.studies.verification.cases.granular.slopes import shear_ratio
 
@@ -90,11 +90,9 @@ def rotating_drum(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 3
     grains = grains[np.hypot(grains[:, 0], grains[:, 2]) < RADIUS]
     volume = fill * math.pi * RADIUS**2 * cell / len(grains)
     drum = mpm.Collider(Drum(RADIUS, WALL * cell), friction=wall_friction)
-    solver = mpm.Solver(
-        grid=mpm.Grid((-half, 0, -half), (half, cell, half), cell), colliders=[drum], precision="f32",
-        walls=SMOOTH_SLICE,
-        bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
-    timed = TimedSolver(solver)
+    timed, solver = set_up(mpm.Body(sand, grains, volume=volume), (half, cell, half), cell, lower=(-half, 0, -half),
+                           colliders=[drum], precision="f32", walls=SMOOTH_SLICE, gravity=(0, 0, -G),
+                           dt=courant_step(0.5, cell, sand))
     timed.settle(0.05)
     before = share_of(surface_line(solver.positions(), cell)[1] / RADIUS)
     speed, weight = math.sqrt(froude * G / RADIUS), solver.masses().sum() * G

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.beds import INCLINE, courant_step, fill_box, rms
-from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.beds import INCLINE, courant_step, fill_box, rms, set_up
+from robosim.studies.verification.cases.case import Record, case, grid
 from robosim.studies.verification.cases.expectations import Order, Within
 
 SHEET, SHEET_DENSITY, NU, G = 0.05, 1600.0, 0.3, 9.81
@@ -50,11 +50,9 @@ def slope(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, E:
     sand = mpm.DruckerPrager(E=E, nu=NU, density=SHEET_DENSITY, friction_angle_deg=phi_deg, cone=cone)
     cell, theta = SHEET / cells, math.radians(theta_deg)
     across, along = G * math.cos(theta), G * math.sin(theta)
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (cell, cell, 1.2 * SHEET), cell), walls=INCLINE, gravity=(0, 0, -across),
-        bodies=[fill_box(sand, (0, 0, 0), (cell, cell, SHEET), cell)], precision=precision,
-        dt=courant_step(courant, cell, sand))
-    timed = TimedSolver(solver)
+    timed, solver = set_up(fill_box(sand, (0, 0, 0), (cell, cell, SHEET), cell), (cell, cell, 1.2 * SHEET), cell,
+                           walls=INCLINE, gravity=(0, 0, -across), precision=precision,
+                           dt=courant_step(courant, cell, sand))
     timed.settle(SETTLING)
     begin, mass = solver.time, solver.masses().sum()
     times, speeds = [], []
@@ -94,11 +92,9 @@ def heap(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32, co
     room = math.ceil(2.2 * BASE / cell) * cell
     positions = mpm.sample_box((0, 0, 0), (BASE, cell, height), cell / 2)
     positions = positions[positions[:, 2] < (BASE - positions[:, 0]) * height / BASE]
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (room, cell, 1.2 * height), cell), walls=HEAP_WALLS, precision=precision,
-        bodies=[mpm.Body(sand, positions, volume=0.5 * BASE * height * cell / len(positions))],
-        dt=courant_step(courant, cell, sand))
-    timed = TimedSolver(solver)
+    timed, solver = set_up(mpm.Body(sand, positions, volume=0.5 * BASE * height * cell / len(positions)),
+                           (room, cell, 1.2 * height), cell, walls=HEAP_WALLS, precision=precision,
+                           dt=courant_step(courant, cell, sand))
     timed.advance(duration)
     end = surface_slope(solver.positions(), cell)
     return timed.record({"change": end - begin, "excess": end - limit}, limit=limit, begin=begin,
@@ -148,11 +144,9 @@ def chute_flow(*, cells: int = 20, theta_deg: float = 26.0, E: float = 2e5, cour
     speed = np.zeros_like(grains)
     speed[:, 0] = 0.5 * flow_speed(grains[:, 2], theta_deg)  # it has to reach the reference
     stress = mpm.geostatic_stress(grains, volume, law, gravity=G * math.cos(theta), lateral=1.0)
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (cell, cell, 1.2 * FLOW), cell), walls=INCLINE, precision=precision,
-        gravity=(G * math.sin(theta), 0, -G * math.cos(theta)), dt=courant_step(courant, cell, law),
-        bodies=[mpm.Body(law, grains, volume=volume, velocities=speed, stress=stress)])
-    timed = TimedSolver(solver)
+    timed, solver = set_up(mpm.Body(law, grains, volume=volume, velocities=speed, stress=stress),
+                           (cell, cell, 1.2 * FLOW), cell, walls=INCLINE, precision=precision,
+                           gravity=(G * math.sin(theta), 0, -G * math.cos(theta)), dt=courant_step(courant, cell, law))
     timed.advance(duration)
     z, found = solver.positions()[:, 2], solver.state()["v"][:, 0]
     expected = flow_speed(z, theta_deg)
