@@ -1,4 +1,4 @@
-"""The search of numbers on a plain model of a tool that pours: it improves, goes on, and refuses what differs."""
+"""The search of numbers on a plain model of a tool that pours, and the episodes of a trial as they are stored."""
 
 import json
 import shutil
@@ -13,7 +13,7 @@ from study_stand_in import StandIn
 from robosim.dosing.command import accepted_error
 from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import DosingNumbers, load_dosing
-from robosim.studies.tuning import search
+from robosim.studies.tuning import search, trial
 
 CLUMSY = DosingNumbers.model_validate({"task": "Mine", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
                                        "open_loop": {"share": 1.4}})
@@ -105,3 +105,62 @@ def test_a_search_does_not_go_on_with_something_else(tune: Any, changed: dict[st
     assert tune(other, choices=2, **changed)[0] == 0 and len(other.asked) == 2
     again = Processes()
     assert tune(again, choices=2)[1]["choices"] == first["choices"] and again.asked == []
+
+
+READINGS = {"target_mass": 10e-3, "poured": 10.2e-3, "dose_error": 0.2e-3, "overshoot": 0.2e-3, "spilled": 0.0}
+
+
+class Environment:
+    """Ends each episode after three steps; keeps the seeds, and how many files the folder has as each begins."""
+
+    def __init__(self, path: Path, fails: int | None = None) -> None:
+        self.task = SimpleNamespace(dose=SimpleNamespace(tolerance_percent=5.0, tolerance_g=0.3))
+        self.path, self.fails, self.seeds, self.stored, self.is_closed = path, fails, list[int](), list[int](), False
+
+    def reset(self, *, seed: int, options: None) -> tuple[None, dict[str, Any]]:
+        if seed == self.fails:
+            raise RuntimeError("killed")
+        self.seeds.append(seed)
+        self.stored.append(len(list(self.path.glob("*.json"))))
+        self.steps = 0
+        return None, {}
+
+    def step(self, action: float) -> tuple[Any, ...]:
+        self.steps += 1
+        readings = READINGS | {"seconds": 2.0 * self.steps}
+        return None, 0.0, self.steps == 3, False, {"readings": readings, "is_success": True, "diverged": ""}
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def run(path: Path) -> list[dict[str, Any]]:
+    """Run four episodes from seed 7 on."""
+    searched = {"task": "Mine", "controller": "pi", "material": "salt", "randomize": "nominal"}
+    return trial.run_trial(searched, CLUMSY.model_dump(mode="json"), 7, 4, str(path))
+
+
+def use(monkeypatch: pytest.MonkeyPatch, env: Environment) -> Environment:
+    monkeypatch.setattr(trial, "load_task", lambda name: None)
+    monkeypatch.setattr(trial, "make_environment", lambda task, start, obs: env)
+    monkeypatch.setattr(trial, "DosingPolicy", lambda name, env, numbers: lambda observation: 0.0)
+    return env
+
+
+def test_each_episode_is_written_as_it_ends(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    env = use(monkeypatch, Environment(tmp_path))
+    rows = run(tmp_path)
+    assert env.seeds == [7, 8, 9, 10] and env.stored == [0, 1, 2, 3] and env.is_closed
+    assert rows[0] == READINGS | {"seed": 7, "is_success": True, "diverged": "", "seconds": 6.0,
+                                  "accepted_error": pytest.approx(0.5e-3)}
+
+
+def test_episodes_that_the_folder_has_are_not_run_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    use(monkeypatch, Environment(tmp_path, fails=9))
+    with pytest.raises(RuntimeError, match="killed"):
+        run(tmp_path)
+    again = use(monkeypatch, Environment(tmp_path))
+    rows = run(tmp_path)
+    assert again.seeds == [9, 10] and [row["seed"] for row in rows] == [7, 8, 9, 10]
+    none = use(monkeypatch, Environment(tmp_path))
+    assert run(tmp_path) == rows and none.seeds == []
