@@ -19,10 +19,8 @@ from robosim.studies.benchmarks import FIELD_SCENES
 from robosim.studies.verification.cases.coupling.shell_leak import AXES, bowl
 from robosim.studies.verification.report import YARDSTICK, YARDSTICK_FIGURE, run_yardstick
 
-YARDSTICKS = {
-    YARDSTICK: ("reference", (), YARDSTICK_FIGURE),
-    "lane_fused.py": ("prototype", ("bench",), r"ns/particle-substep ([0-9.]+)"),
-}
+YARDSTICKS = {YARDSTICK: ("reference", (), YARDSTICK_FIGURE),
+              "lane_fused.py": ("prototype", ("bench",), r"ns/particle-substep ([0-9.]+)")}
 """Python script in the folder given by --yardsticks -> (name, arguments, pattern of the figure in its output)."""
 CORNER, MARGIN = 0.3, 6.0
 """Corner of the block of grains [m], and the least distance from its other side to the walls in cells."""

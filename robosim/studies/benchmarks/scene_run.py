@@ -38,9 +38,8 @@ def make_result(solver: mpm.Solver, stopwatch: Stopwatch, seconds: float, simula
     """Return the result of a run; costs are seconds per simulated second."""
     costs = {name: value / simulated for name, value in sorted(stopwatch.seconds.items(), key=lambda item: -item[1])}
     costs["everything else"] = (seconds - sum(stopwatch.seconds.values())) / simulated
-    return {"readings": {k: float(v) for k, v in readings.items()}, "seconds": seconds,
-            "simulated_s": simulated, "grains": sum(solver.particles.counts), "cell_m": solver.grid.cell,
-            "dt_s": solver.dt, "costs": costs,
+    return {"readings": {k: float(v) for k, v in readings.items()}, "seconds": seconds, "simulated_s": simulated,
+            "grains": sum(solver.particles.counts), "cell_m": solver.grid.cell, "dt_s": solver.dt, "costs": costs,
             "parts": [part._asdict() for part in list_parts(solver)]}
 
 

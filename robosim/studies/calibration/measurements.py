@@ -171,9 +171,8 @@ class ScoopExperiment(Experiment):
     """Of the round rim, held level [m]."""
 
 
-EXPERIMENTS: dict[str, type[Experiment]] = {
-    "heap": HeapExperiment, "pour": PourExperiment, "tilt": TiltExperiment, "shear": ShearExperiment,
-    "cup": CupExperiment, "scoop": ScoopExperiment}
+EXPERIMENTS: dict[str, type[Experiment]] = {"heap": HeapExperiment, "pour": PourExperiment, "tilt": TiltExperiment,
+                                            "shear": ShearExperiment, "cup": CupExperiment, "scoop": ScoopExperiment}
 """Kind -> table of its keys."""
 
 

@@ -17,8 +17,7 @@ def make_page(title: str, verdict: Verdict, found: Search, ranges: Ranges, trial
               fits: dict[str, np.ndarray], advice: list[Advice]) -> Page:
     """Make the page. fits: what each trial reads with the best numbers, in its unit."""
     page = Page(f"Calibration: {title}")
-    page.set_verdict("; ".join([*(verdict.reasons or ["calibrated"]), *verdict.cautions]),
-                     holds=verdict.is_calibrated)
+    page.set_verdict("; ".join([*(verdict.reasons or ["calibrated"]), *verdict.cautions]), holds=verdict.is_calibrated)
     page.add_heading("Numbers")
     page.add_table(["number", "best", "90 %, from", "to", "range, from", "to", "interval / range", "narrowed"],
                    [[one.name, one.best, one.low, one.high, one.least, one.most, one.width,

@@ -10,7 +10,6 @@ from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.input_files import read_bytes
 from robosim.base.jobs import Launcher
 from robosim.base.output_folder import OutputFolder
-from robosim.base.resources import trained
 from robosim.base.study import Job, Study
 from robosim.config.materials import load_material
 from robosim.dosing import CONTROLLERS
@@ -20,7 +19,7 @@ from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.dosing_policy import numbers_of
 from robosim.studies.evaluation.material_episode import OWN
 from robosim.studies.evaluation.page import make_materials_page
-from robosim.studies.evaluation.policies import load_policy
+from robosim.studies.evaluation.policies import bundled_motion, load_policy
 from robosim.studies.evaluation.tables import Rows, draw_map, format_table, make_rows, write_csv
 from robosim.tasks.task import load_task
 
@@ -67,8 +66,8 @@ def check_policy(task: str, name: str) -> None:
         raise ConfigError(f"{task}: a dosing task delivers no share of its grains; accepted: a task without a section "
                           f"dose; robosim evaluate {task} --material NAME evaluates a dose in another material")
     if name in POLICIES:
-        if name == "learned" and trained(task_name(task)) is None:
-            raise ConfigError(f"policy 'learned': there is no bundled motion for {task}")
+        if name == "learned":
+            bundled_motion(task_name(task))  # raises where there is none
         if name in CONTROLLERS:
             numbers_of(load_task(task), f"policy {name!r}")
         return
@@ -83,8 +82,8 @@ def check_policy(task: str, name: str) -> None:
 
 def list_inputs(task: str, name: str) -> list[Any]:
     """Return what an episode depends on besides the code: the task, the materials and the motion."""
-    path = trained(task_name(task)) if name == "learned" else Path(name)
-    motion = read_bytes(path, MAX_ARRAYS).hex() if path is not None and name not in POLICIES[:-1] else name
+    path = bundled_motion(task_name(task)) if name == "learned" else Path(name)
+    motion = name if name in POLICIES and name != "learned" else read_bytes(path, MAX_ARRAYS).hex()
     laws = [[load_material(base).model_dump(), numbers] for base, numbers in MATERIALS.values()]
     return [load_task(task).model_dump(), laws, digest(motion)]
 

@@ -46,15 +46,21 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
     if name in CONTROLLERS:
         return DosingPolicy(name, env)
     if name == "learned":
-        bundled = trained(env.TASK)
-        if bundled is None:
-            raise ConfigError(f"policy 'learned': there is no bundled motion for {env.TASK or 'this task'}; "
-                              f"`robosim train` learns one, give its .npz file")
+        bundled = bundled_motion(env.TASK)
         return ReplayPolicy(bundled, load_policy(bundled), env)
     if Path(name).is_file():
         arrays = load_policy(Path(name))
         return (NetworkPolicy if "weight_0" in arrays else ReplayPolicy)(Path(name), arrays, env)
     raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions`, or with a network")
+
+
+def bundled_motion(task: str) -> Path:
+    """Return the file of a task's bundled motion; raises ConfigError where there is none."""
+    path = trained(task)
+    if path is None:
+        raise ConfigError(f"policy 'learned': there is no bundled motion for {task or 'this task'}; `robosim train` "
+                          f"learns one, give its .npz file")
+    return path
 
 
 def training_options(name: str) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from robosim.envs import is_task_file, task_name
 from robosim.episode.play import play, read_scores
 from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.page import make_suite_page
-from robosim.studies.evaluation.policies import check_task, load_policy, make_policy, training_options
+from robosim.studies.evaluation.policies import bundled_motion, check_task, load_policy, make_policy, training_options
 from robosim.studies.evaluation.suites import begin_episode, make_environment, plan_starts
 from robosim.studies.evaluation.tables import write_csv
 from robosim.tasks.task import TaskConfig, load_task
@@ -104,10 +104,7 @@ def policy_file(name: str, task: str) -> str:
     Raises ConfigError for a file of another task, or where there is no bundled motion.
     """
     if name == "learned":
-        bundled = trained(task_name(task))
-        if bundled is None:
-            raise ConfigError(f"policy 'learned': there is no bundled motion for {task}")
-        return str(bundled)
+        return str(bundled_motion(task_name(task)))
     if Path(name).is_file():
         made_for = load_policy(Path(name)).text("task", "")
         if made_for and made_for != task_name(task) and not is_task_file(task):

@@ -39,9 +39,8 @@ def summarize_doses(rows: Sequence[dict[str, Any]], duration: float) -> dict[str
     """Return cost, success rate, mean and standard deviation of the error [g], mean time [s] and spilled mass [g]."""
     errors = np.array([row["dose_error"] for row in rows]) * 1e3
     return {"cost": float(np.mean([episode_cost(row, duration) for row in rows])),
-            "success_rate": float(np.mean([row["is_success"] for row in rows])),
-            "error_g": float(errors.mean()), "error_g_std": float(errors.std()),
-            "error_g_abs": float(np.abs(errors).mean()),
+            "success_rate": float(np.mean([row["is_success"] for row in rows])), "error_g": float(errors.mean()),
+            "error_g_std": float(errors.std()), "error_g_abs": float(np.abs(errors).mean()),
             "seconds": float(np.mean([row["seconds"] for row in rows])),
             "spilled_g": 1e3 * float(np.mean([row["spilled"] for row in rows]))}
 

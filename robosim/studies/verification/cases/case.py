@@ -88,11 +88,10 @@ class TimedSolver:
 def make_record(costs: Sequence[Cost], errors: dict[str, Any], **readings: Any) -> Record:
     """Return the record of a run of several solvers: sums of steps and times, and the largest number of particles."""
     particles, steps, seconds, compile_seconds = zip(*costs)
-    return Record(
-        case="", choices={}, particles=max(particles), steps=sum(steps), seconds=sum(seconds),
-        compile_seconds=sum(compile_seconds), errors={name: float(value) for name, value in errors.items()},
-        readings={name: float(value) for name, value in readings.items()},
-        peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    return Record(case="", choices={}, particles=max(particles), steps=sum(steps), seconds=sum(seconds),
+                  compile_seconds=sum(compile_seconds), errors={name: float(value) for name, value in errors.items()},
+                  readings={name: float(value) for name, value in readings.items()},
+                  peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
 
 
 def select(records: Sequence[Record], where: dict[str, Any]) -> list[Record]:

@@ -60,8 +60,7 @@ class DenseSand(Hencky):
         trace = h[0] + h[1] + h[2] + (vc - dilated)
         mean = (h[0] + h[1] + h[2]) / 3.0
         d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean), h[3], h[4], h[5]]
-        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-                       + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
+        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
         u = [once(d[i] / norm) for i in range(6)]
         det = (u[0] * (u[1] * u[2] - u[5] * u[5]) - u[3] * (u[3] * u[2] - u[5] * u[4])
                + u[4] * (u[3] * u[5] - u[1] * u[4]))

@@ -42,9 +42,8 @@ class Processes(StandIn):
         dose = Dose(make_controller(controller, numbers, numbers.curve, Plant.dt), Plant(shifted(SALT, 0.0), seed),
                     target)
         return {"seed": seed, "is_success": abs(dose.error) < 0.3e-3, "diverged": "", "target_mass": target,
-                "accepted_error": accepted_error(target),
-                "poured": target + dose.error, "dose_error": dose.error, "overshoot": max(dose.error, 0.0),
-                "seconds": dose.seconds, "spilled": 0.0}
+                "accepted_error": accepted_error(target), "poured": target + dose.error, "dose_error": dose.error,
+                "overshoot": max(dose.error, 0.0), "seconds": dose.seconds, "spilled": 0.0}
 
 
 @pytest.fixture

@@ -94,11 +94,10 @@ def build_bed(kind: str, size: tuple[float, float, float], cell: float, *, headr
     positions, elastic = mpm.sample_box((0.0, 0.0, 0.0), size, cell / 2), kind == "elastic"
     law = mpm.Elastic(E=ELASTIC_E, nu=0.0, density=1000.0) if elastic else \
         mpm.DruckerPrager(E=3e5, nu=0.2, density=1500.0, friction_angle_deg=40.0)
-    return mpm.Solver(
-        grid=mpm.Grid((0.0, 0.0, 0.0), (length, width, top + headroom), cell), gravity=gravity,
-        bodies=[mpm.Body(law, positions, volume=length * width * top / len(positions))], walls=mpm.Walls.all("stick"),
-        contact=contact, precision=precision,
-        body_acceleration=np.tile(-np.array(gravity), (len(positions), 1)) if elastic else None)
+    return mpm.Solver(grid=mpm.Grid((0.0, 0.0, 0.0), (length, width, top + headroom), cell), gravity=gravity,
+                      bodies=[mpm.Body(law, positions, volume=length * width * top / len(positions))],
+                      walls=mpm.Walls.all("stick"), contact=contact, precision=precision,
+                      body_acceleration=np.tile(-np.array(gravity), (len(positions), 1)) if elastic else None)
 
 
 @case(

@@ -82,10 +82,9 @@ def shell_leak(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 
             weight.append(-impulse[2] / HOST_DT)
     unaccounted = solver.momentum().linear - before - impulse_sum
     level = np.linalg.norm(local / AXES, axis=1)
-    return timed.record(
-        {"crossed": crossed, "momentum": np.abs(unaccounted).max() / exchanged},
-        weight_error=np.mean(weight) / (9.81 * solver.masses().sum()) - 1 if weight else 0.0,
-        retained=np.mean((level < 1) & (local[:, 2] < 0)))
+    return timed.record({"crossed": crossed, "momentum": np.abs(unaccounted).max() / exchanged},
+                        weight_error=np.mean(weight) / (9.81 * solver.masses().sum()) - 1 if weight else 0.0,
+                        retained=np.mean((level < 1) & (local[:, 2] < 0)))
 
 
 def _crossings(before: np.ndarray, after: np.ndarray) -> int:

@@ -77,10 +77,9 @@ def dropped_sphere(*, drop: float = 0.1, density_ratio: float = 5.1, friction_de
     width, height = (math.ceil(part * DIAMETER / cell) * cell for part in (4.0, 6.0))
     positions = mpm.sample_box((0, 0, 0), (width, width, height), cell / 2)
     volume = width**2 * height / len(positions)
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (width, width, height + 4 * DIAMETER), cell), precision=precision,
-        walls=mpm.Walls(lower=("roller", "roller", "friction"), upper=("slip", "slip", "slip")),
-        bodies=[resting_body(sand, positions, volume)], contact=contact, gravity=(0, 0, -G))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (width, width, height + 4 * DIAMETER), cell), precision=precision,
+                        walls=mpm.Walls(lower=("roller", "roller", "friction"), upper=("slip", "slip", "slip")),
+                        bodies=[resting_body(sand, positions, volume)], contact=contact, gravity=(0, 0, -G))
     # a quarter of the bed carries a quarter of the ball
     mass = math.pi / 6 * DIAMETER**3 * density_ratio * DENSITY / 4
     near = cell  # where the computed fall begins, above contact

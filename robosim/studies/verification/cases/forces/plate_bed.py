@@ -104,8 +104,7 @@ def push(sand: mpm.DruckerPrager | DenseSand, plate: Plate) -> Pushed:
     x, y = side / 2, (side if square else 4 * width) / 2
     mesh = trimesh.Trimesh([[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]], [[0, 1, 2], [0, 2, 3]], process=False)
     attitude = np.array([math.cos(tilt), 0.0, math.sin(tilt), 0.0])
-    shell = mpm.Collider(mpm.Shell.from_mesh(mesh, 0.5 * cell), friction=plate.friction,
-                         pose=mpm.Pose(begin, attitude))
+    shell = mpm.Collider(mpm.Shell.from_mesh(mesh, 0.5 * cell), friction=plate.friction, pose=mpm.Pose(begin, attitude))
     sides = "slip" if square else "periodic"
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (length, width, height + _whole(side, cell)), cell), precision=plate.precision,

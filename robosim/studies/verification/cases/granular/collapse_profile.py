@@ -21,8 +21,7 @@ SHORT, CELLS, FINE, FINEST = (0.5, 1.0, 2.0), (12, 16, 24), 24, 32
 the finest run, which shows whether an error goes on rising."""
 LAWS = ("dense", "drucker_prager", "mu_i")
 MOTIONS, WHENS = ("creep", "drift"), ("", ", woken", ", settled")
-_USUAL = {"law": "dense", "floor": 0.5, "relative_density": 0.7, "E": 1e5, "strides": True, "per_cell": 4,
-          "sleep": 1.0}
+_USUAL = {"law": "dense", "floor": 0.5, "relative_density": 0.7, "E": 1e5, "strides": True, "per_cell": 4, "sleep": 1.0}
 LIMIT_DEG, GRAIN_DIAMETER, GRAIN_DENSITY = 38.2, 5e-4, 2600.0
 """mu(I): angle [deg] of the cone that carries tan 42 deg in simple shear, diameter [m] and density [kg/m^3] of a grain
 of quartz sand."""
@@ -245,11 +244,10 @@ def collapse_profile(run: Collapse) -> Record:
     end, top = rim(RADIUS, a) / RADIUS, crest(a) / RADIUS
     edge, summit = find_rim(profile), find_summit(profile)
     reference = closed_depths(profile.radii, top, end, math.pi * a)
-    errors = {"run-out": (edge - 1) / (end - 1) - 1,
-              "run-out of 99 %": (np.quantile(radii, 0.99) - 1) / (end - 1) - 1, "height": summit / top - 1,
-              "profile": profile_difference(profile, reference),
-              "compression": solver.densities().mean() / DENSITY - 1,
-              "creep": rms(x - before) / (LAST * duration), "drift": rms(solver.velocities())}
+    errors = {"run-out": (edge - 1) / (end - 1) - 1, "run-out of 99 %": (np.quantile(radii, 0.99) - 1) / (end - 1) - 1,
+              "height": summit / top - 1, "profile": profile_difference(profile, reference),
+              "compression": solver.densities().mean() / DENSITY - 1, "creep": rms(x - before) / (LAST * duration),
+              "drift": rms(solver.velocities())}
     awake = build(run, 0.0)
     awake.load(state)
     if run.sleep:

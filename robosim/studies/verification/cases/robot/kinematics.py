@@ -61,9 +61,8 @@ def ik_poses(*, restarts: int = 30, poses: int = 1000, robot: str = "iiwa14") ->
         wrong += int(error > 1e-6 or not within)
         worst = max(worst, float(error))
     times_ms = 1e3 * np.array(seconds)
-    return make_record(
-        [Cost(0, poses, float(sum(seconds)))], {"failed": failed / poses, "wrong": wrong / poses},
-        mean_ms=times_ms.mean(), p95_ms=np.percentile(times_ms, 95), worst_pose_error=worst)
+    return make_record([Cost(0, poses, float(sum(seconds)))], {"failed": failed / poses, "wrong": wrong / poses},
+                       mean_ms=times_ms.mean(), p95_ms=np.percentile(times_ms, 95), worst_pose_error=worst)
 
 
 @case(
