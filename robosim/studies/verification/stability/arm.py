@@ -7,14 +7,14 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.robot.joint_control import Servo
+from robosim.cell.cell import Cell
 from robosim.robot.joint_path import solve_path
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointState, SmoothMotion
 from robosim.scene.build import build_scene_spec
-from robosim.scene.compiled import Scene, compile_scene
+from robosim.scene.compiled import compile_scene
 from robosim.scene.models import assemble
-from robosim.studies.verification.stability.cell import G, Outcome
+from robosim.studies.verification.stability.cell import G, Outcome, raise_to
 
 SHIFT = np.array([0.0, 0.35, 0.0, 0.3, 0.2, -0.3, 0.2])
 """Change of the joint angles [rad] (7,) in the one second of the step test."""
@@ -26,53 +26,44 @@ def arm() -> Arm:
     return Arm(assemble("spoon"))
 
 
-def build_scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo]:
+def build_cell(host_step: float) -> Cell:
     """Build the arm alone, at rest in its home posture, with its servo; host_step: MuJoCo's [s].
 
     Raises ConfigError for a step with which the servo would be unstable.
     """
     made = compile_scene(build_scene_spec(arm().assembly, "weld", {}, host_step, contact=False), arm().assembly)
-    data = mujoco.MjData(made.model)
-    data.qpos[made.arm_qpos] = arm().home
-    mujoco.mj_forward(made.model, data)
-    servo = Servo(arm(), arm().gains())
-    servo.check_step(made.model, data, made.arm_dofs)
-    return made, data, servo
+    return Cell(made, arm(), arm().home, ())
 
 
-def follow(made: Scene, data: mujoco.MjData, servo: Servo, target: Callable[[float], JointState], until: float,
-           load: float = 0.0) -> Outcome:
+def follow(cell: Cell, target: Callable[[float], JointState], until: float, load: float = 0.0) -> Outcome:
     """Follow joint states until a time [s] with a load [kg] at the tool; return what failed first, and readings."""
-    readings = {"fastest_joint": 0.0, "saturated": 0.0}
-    data.xfrc_applied[made.tool, 2] = -load * G
+    data, readings = cell.data, {"fastest_joint": 0.0, "saturated": 0.0}
+    data.xfrc_applied[cell.scene.tool, 2] = -load * G
     while data.time < until:
-        q, qd = data.qpos[made.arm_qpos], data.qvel[made.arm_dofs]
-        data.ctrl[made.arm_actuators] = servo.compute_torque(target(data.time), q, qd)
-        mujoco.mj_step(made.model, data)
+        cell.command(target(data.time))
+        mujoco.mj_step(cell.model, data)
         at = f" at t = {data.time:.4g} s"
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or not np.all(np.isfinite(data.qpos)):
             return "accelerations beyond MuJoCo's range" + at, readings
-        q, qd = data.qpos[made.arm_qpos], data.qvel[made.arm_dofs]
-        readings["fastest_joint"] = max(readings["fastest_joint"], float(np.abs(qd / arm().velocity).max()))
-        beyond = np.maximum(q - arm().upper, arm().lower - q).max()
+        raise_to(readings, fastest_joint=np.abs(cell.qd / arm().velocity).max())
+        beyond = np.maximum(cell.q - arm().upper, arm().lower - cell.q).max()
         if beyond > np.radians(1.0):
             return f"a joint {np.degrees(beyond):.2g} degrees beyond its range" + at, readings
-        if np.any(np.abs(data.actuator_force[made.arm_actuators]) > arm().torque_limits * (1 + 1e-9)):
+        if np.any(np.abs(data.actuator_force[cell.scene.arm_actuators]) > arm().torque_limits * (1 + 1e-9)):
             return "a motor beyond its torque" + at, readings
-    readings["saturated"] = float(servo.saturations)
+    readings["saturated"] = float(cell.servo.saturations)
     return "", readings
 
 
 def arm_host_step(step: float) -> Outcome:
     """Run a motion of a second, then half a second of rest, at MuJoCo steps [s]."""
-    made, data, servo = build_scene(step)
-    times = np.linspace(0.0, 1.0, 101)
+    cell, times = build_cell(step), np.linspace(0.0, 1.0, 101)
     ease = times**3 * (10 - 15 * times + 6 * times**2)
     q, limits = arm().home + ease[:, None] * SHIFT, arm().step_limits()
     motion = SmoothMotion(times, q, limits, {"end": 1.0}, arm().joints)
-    failure, readings = follow(made, data, servo, motion.state, 1.5)
+    failure, readings = follow(cell, motion.state, 1.5)
     target = arm().tool_pose(arm().home + SHIFT).position
-    readings["tool_error_m"] = float(np.linalg.norm(data.xpos[made.tool] - target))
+    readings["tool_error_m"] = float(np.linalg.norm(cell.data.xpos[cell.scene.tool] - target))
     if not failure and readings["tool_error_m"] > 1e-3:
         failure = f"the tool {1e3 * readings['tool_error_m']:.2g} mm from its target at rest"
     if not failure and readings["fastest_joint"] > 1.0:
@@ -85,9 +76,8 @@ def payload(mass: float) -> Outcome:
 
     From 14 kg on the motors saturate, and the arm sinks.
     """
-    made, data, servo = build_scene(1e-3)
     still = JointState(arm().home, np.zeros(7), np.zeros(7))
-    return follow(made, data, servo, lambda _: still, 1.0, mass)
+    return follow(build_cell(1e-3), lambda _: still, 1.0, mass)
 
 
 def arm_pose(kind: str) -> Outcome:

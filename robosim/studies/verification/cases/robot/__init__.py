@@ -1,4 +1,4 @@
 """Cases of the arm.
 
-Imports: config, robot, scene, mpm.
+Imports: config, envs, episode, robot, scene, mpm.
 """

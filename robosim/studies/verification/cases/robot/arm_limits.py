@@ -2,9 +2,10 @@
 
 from typing import Any
 
-import gymnasium
 import numpy as np
 
+from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import Transition, play
 from robosim.studies.evaluation.policies import ScriptedPolicy
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import each_within
@@ -26,21 +27,14 @@ def arm_limits(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
     Measured: relative excess of motor torques and joint speeds over their limits in every step of 2 ms of the task's
     scripted policy, and steps in which a torque was saturated.
     """
-    import robosim  # noqa: F401  (its environments are registered with it)
-
-    env: Any = gymnasium.make(f"robosim/{task}-v0", arm=True, material=material, action_repeat=1).unwrapped
+    env: Any = GrainEnv(task=task, arm=True, material=material, action_repeat=1)
     env.reset(options={"nominal": True})
-    carrier, script, timed = env.carrier, ScriptedPolicy(env), TimedSolver(env.solver)
-    torque, speed, over, info = 0.0, 0.0, False, {}
+    cell, timed, most, info = env.carrier.cell, TimedSolver(env.solver), np.zeros(2), {}
 
-    def step() -> None:
-        nonlocal over, info
-        _, _, ended, cut, info = env.step(script(env.observation))
-        over = ended or cut
+    def measure(_: Transition) -> None:
+        ratios = cell.servo.demanded_torque / TORQUES, cell.data.qvel[cell.scene.arm_dofs] / SPEEDS
+        most[:] = np.maximum(most, np.abs(ratios).max(1))
 
-    while not over:
-        timed.run(step)
-        torque = max(torque, float(np.abs(carrier.cell.servo.demanded_torque / TORQUES).max()))
-        speed = max(speed, float(np.abs(carrier.cell.data.qvel[carrier.cell.scene.arm_dofs] / SPEEDS).max()))
-    errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.cell.servo.saturations}
-    return timed.record(errors, score=info["tcs"], tool_lag_m=carrier.arm_readings["tool_lag_max_m"])
+    timed.run(lambda: info.update(play(env, ScriptedPolicy(env), observation=env.observation, hooks=[measure])[1]))
+    errors = {"torque": most[0] - 1.0, "speed": most[1] - 1.0, "saturated": cell.servo.saturations}
+    return timed.record(errors, score=info["tcs"], tool_lag_m=env.carrier.arm_readings["tool_lag_max_m"])

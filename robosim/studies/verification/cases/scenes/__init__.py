@@ -1,4 +1,4 @@
 """Cases of whole scenes: rehearsals with the arm, and episodes of the environments.
 
-Imports: config, envs, planning, rehearsal, tasks, mpm.
+Imports: config, envs, episode, planning, rehearsal, tasks, mpm.
 """

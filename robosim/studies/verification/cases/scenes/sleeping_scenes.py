@@ -7,11 +7,12 @@ import numpy as np
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import play
 from robosim.planning.learned_motions import place_target
 from robosim.planning.plan import plan_motion
 from robosim.rehearsal.metrics import compute_figures
 from robosim.rehearsal.run import RehearsalRun
-from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.evaluation.policies import ScriptedPolicy
 from robosim.studies.verification.cases.case import Cost, Record, TimedSolver, case, grid, make_record
 from robosim.studies.verification.cases.expectations import Within
 from robosim.tasks.task import load_task
@@ -35,21 +36,18 @@ def rehearse(name: str, sleep: float) -> Outcome:
     return timed.cost._replace(seconds=run.wall_time), readings
 
 
-def play(task: str, sleep: float) -> Outcome:
+def play_task(task: str, sleep: float) -> Outcome:
     """Run an episode with the task's script, from the nominal start."""
     config = load_task(task)
     config = config.model_copy(update={"field": config.field.model_copy(update={"sleep": sleep or False})})
-    env, shares, steps = GrainEnv(task=config), list[float](), list[Any]()
+    env, shares, info = GrainEnv(task=config), list[float](), dict[str, Any]()
     timed = TimedSolver(env.solver)
     env.reset(seed=0, options={"nominal": True})
-    policy = make_policy("scripted", env, 0)
-    while not (steps and (steps[-1][2] or steps[-1][3])):
-        action = policy(env.observation)
-        timed.run(lambda action=action: steps.append(env.step(action)))
-        shares.append(float(env.solver.awake.mean()))
+    timed.run(lambda: info.update(play(env, ScriptedPolicy(env), observation=env.observation, hooks=[
+        lambda _: shares.append(float(env.solver.awake.mean()))])[1]))
     cost = timed.cost
     env.close()
-    return cost, {"score": float(steps[-1][4]["tcs"]), "awake": float(np.mean(shares))}
+    return cost, {"score": float(info["tcs"]), "awake": float(np.mean(shares))}
 
 
 @case(
@@ -70,7 +68,7 @@ def sleeping_scenes(*, scene: str = "SpoonScoop", sleep: float = 1.0) -> Record:
     reference, with field.sleep = false, is run in the same process. The error "change" is that of the mass or of the
     score, relative. sleep: factor on the thresholds.
     """
-    run = play if scene in TASKS else rehearse
+    run = play_task if scene in TASKS else rehearse
     (awake, before), (asleep, after) = run(scene, 0.0), run(scene, sleep)
     if "score" in after:
         errors = {"score": after["score"] - before["score"], "change": after["score"] / before["score"] - 1.0}
