@@ -1,11 +1,11 @@
 """Pages of evaluations: verdict, film, recording in 3-D, curves and episodes."""
 
-import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from robosim.recordings.reader import FILE, Recording
-from robosim.reports.curves import Chart, Curve, draw_charts
 from robosim.reports.page import Page
 
 
@@ -80,12 +80,11 @@ def add_recording(page: Page, folder: Path) -> None:
         page.add_scene(embed_html(recording), f"Turn with the mouse, scrub below. With colours, regions and curves: "
                        f"robosim view {folder}")
         times, rows = recording.values()
-        charts: dict[str, list[Curve]] = {}
-        units = {curve.chart: curve.unit for curve in recording.header.curves}
+        charts: dict[str, dict[str, Any]] = {}
         for k, curve in enumerate(recording.header.curves):
-            if any(math.isfinite(value) for value in rows[:, k]):
-                charts.setdefault(curve.chart, []).append(Curve(curve.name, times, rows[:, k]))
+            if np.isfinite(rows[:, k]).any():
+                title = f"{curve.chart} [{curve.unit}]" if curve.unit else curve.chart
+                charts.setdefault(title, {})[curve.name] = times, rows[:, k]
     if charts:
         page.add_heading("Curves")
-        page.add_plot(draw_charts([Chart(f"{name} [{units[name]}]" if units[name] else name, curves)
-                                   for name, curves in charts.items()], {}))
+        page.add_curves(charts, "time [s]")
