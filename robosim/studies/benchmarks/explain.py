@@ -173,7 +173,6 @@ def write_page(scene: str, own: dict[str, Any], rows: list[dict[str, Any]] | Non
 
 
 def _add_settings(page: Page, scene: str, rows: list[dict[str, Any]], readings: list[str]) -> None:
-    """Add a plot and a table of settings, with the errors of their readings."""
     plot = Plot(scene, "seconds", "error of the worst reading")
     for row in rows:
         name = describe_setting(row["setting"])

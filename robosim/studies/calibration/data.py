@@ -171,7 +171,6 @@ def _read_map(place: str, path: Path, heap: HeapExperiment) -> HeapData:
 
 
 def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
-    """Return the numbers of a map in the experiment's unit."""
     try:
         if path.suffix.lower() == ".npy":
             return _read_array(read_bytes(path, MAX_ARRAYS))

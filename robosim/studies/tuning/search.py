@@ -101,7 +101,6 @@ def _next(choices: int, rows: dict[int, list[dict[str, Any]]]) -> list[int]:
 
 def _write(folder: OutputFolder, values: dict[str, Any], drawn: list[DosingNumbers],
            rows: dict[int, list[dict[str, Any]]], choices: int) -> None:
-    """Write tune.json; values: what identifies the search."""
     duration = drawn[0].motion.duration
     listed = [{"numbers": one.model_dump(mode="json"), "episodes": rows.get(k, []),
                "figures": summarize_doses(rows[k], duration) if k in rows else None} for k, one in enumerate(drawn)]

@@ -69,7 +69,6 @@ def draw_comparison(comparison: Comparison) -> str:
 
 
 def _add_runs(page: Page, records: list[Record]) -> None:
-    """Add a table of runs with their choices, cost and errors."""
     keys = sorted({key for r in records for key in r.choices})
     errors = sorted({key for r in records for key in r.errors})
     choices = [[value if isinstance(value, float) else str(value) for value in (r.choices.get(key, "") for key in keys)]

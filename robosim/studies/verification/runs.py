@@ -27,7 +27,6 @@ class Run:
     """Digest of the code that the case exercises."""
     record: Record | None = None
     failed: str = ""
-    """Why there is no record."""
 
 
 def execute_runs(names: Iterable[str], quick: bool, folder: Path, processes: int,

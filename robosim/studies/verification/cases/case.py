@@ -24,7 +24,6 @@ class Record:
     """Arguments of the case: cells, courant, precision and those of its own."""
     particles: int
     steps: int
-    """Number of substeps."""
     seconds: float
     """Wall time [s] after compilation, and of it."""
     compile_seconds: float
@@ -41,12 +40,11 @@ class Record:
 
 
 class Cost(NamedTuple):
-    """What a solver's run took; a record of several solvers adds them up."""
+    """What a solver's run took, see `Record`; a record of several solvers adds them up."""
 
     particles: int
     steps: int
     seconds: float
-    """Wall time [s] after compilation, and of it."""
     compile_seconds: float = 0.0
 
 
@@ -114,7 +112,6 @@ class Finding(NamedTuple):
     """An expectation and the value found for it."""
 
     claim: str
-    """The expectation as text."""
     found: float | None
     """The value furthest from the accepted range; None: no run measures it."""
     low: float

@@ -27,7 +27,6 @@ class CellResult:
 
     axis: str
     value: float | str
-    """Along the axis."""
     verdict: str
     """"stable", "refused" or "unstable"."""
     reason: str = ""

@@ -76,9 +76,8 @@ class Plate:
     start_depth: float
     """Of the plate's centre [m]; negative above the surface."""
     travel: float
-    """[m]"""
+    """Length of the way [m]."""
     cell: float
-    """[m]"""
     square: bool = False
     """As wide as it is long, of which one half is computed; otherwise a strip in plane strain, of which one cell is."""
     side: float = SIDE
