@@ -168,7 +168,7 @@ class CommandParser(argparse.ArgumentParser):
 
         def make_launcher(name: str) -> Any:
             """Return what runs commands elsewhere, or None."""
-            from robosim.studies.clusters.launchers import make_launcher as make
+            from robosim.studies.clusters.slurm import make_launcher as make
 
             return make(name)
 
@@ -181,7 +181,7 @@ class CommandParser(argparse.ArgumentParser):
 
         def find_launcher(options: argparse.Namespace) -> Any:
             """Return what runs jobs elsewhere, or None."""
-            from robosim.studies.clusters.launchers import find_launcher as find
+            from robosim.studies.clusters.slurm import find_launcher as find
 
             return find(options.launch, options.launch_file)
 

@@ -12,12 +12,8 @@ from robosim.base.jobs import read_end
 
 POLL = 0.2
 """Time [s] between two looks at a command."""
-TERMINATED = (-signal.SIGTERM, 128 + signal.SIGTERM)
-"""Statuses of a command that was ended from outside, as where its node fails."""
 GRACE = 60.0
 """Time [s] that a command has to write its checkpoint after SIGTERM."""
-SHOWN_LINES = 3
-"""Last lines of a failed command's output that are shown."""
 CACHES = {"ROBOSIM_CACHE": "robosim", "MPM_CACHE": "mpm"}
 """Variable of the environment -> folder of a cache: one for each machine, for a home on a network is shared by all."""
 
@@ -51,7 +47,7 @@ class ClusterJob:
         while not has_ended(self._process.pid):
             time.sleep(POLL)
         status = self._process.wait()
-        if status in TERMINATED:
+        if status in (-signal.SIGTERM, 128 + signal.SIGTERM):  # from outside, as where its node fails
             time.sleep(GRACE)  # the cluster ends this job, too, and may queue it again: then it has no result yet
         if status:
             raise JobFailed(describe_failure(self.log, status))
@@ -93,6 +89,6 @@ def describe_failure(log: Path, status: int) -> str:
     """Return how a process ended, and the last lines of its log."""
     ended = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
     try:
-        return " | ".join([ended, *read_end(log)[-SHOWN_LINES:]])
+        return " | ".join([ended, *read_end(log)[-3:]])
     except OSError as error:
         return f"{ended}; {log}: {error.strerror}"

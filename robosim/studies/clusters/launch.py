@@ -1,13 +1,12 @@
 """The `launch:` table: what a job of a cluster is given."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import pydantic
 from pydantic import Field
 
 from robosim.base.errors import ConfigError
-from robosim.base.jobs import Launcher
 from robosim.config.bounds import FilePath, Name
 from robosim.config.table import Table, describe, list_errors
 
@@ -36,13 +35,6 @@ class LaunchTable(Table):
     """Command that starts Python there, such as `apptainer exec lab.sif python`; empty: this one."""
     extra: Annotated[dict[Name, Line | int | float | bool], Field(max_length=100)] = {}  # noqa: RUF012
     """Further options of sbatch, such as constraint: avx512."""
-
-
-class ClusterLauncher(Launcher, Protocol):
-    """Runs commands on a cluster."""
-
-    def configure(self, table: Mapping[str, Any]) -> None:
-        """Take over a `launch:` table; raises ConfigError."""
 
 
 def read_table(table: Mapping[str, Any]) -> LaunchTable:

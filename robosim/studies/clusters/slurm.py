@@ -6,22 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from robosim.base.errors import ConfigError
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.files import write_json
 from robosim.base.input_files import read_json
 from robosim.base.jobs import Command, Ended
+from robosim.config.table import read
+from robosim.studies.clusters import LAUNCHERS
 from robosim.studies.clusters.job import ClusterJob
 from robosim.studies.clusters.launch import read_table
 
-POLL = 2.0
-"""Time [s] between two looks at the queue."""
 UNSEEN = 5
-"""Looks at which a job without a result is in no queue before it counts as lost."""
-MOST_REQUEUES = 1000
-"""Times that a job continues after its time limit."""
-JOBS = "jobs.json"
-"""File of the folder with the job of each run."""
-INSTALL = "pip install '.[slurm]' in the checkout"
+"""Times that the queue lacks a job without a result before it counts as lost."""
 
 
 class SlurmLauncher:
@@ -31,7 +26,7 @@ class SlurmLauncher:
         try:
             import submitit  # pyright: ignore[reportMissingImports]  (of the extra `slurm`)
         except ImportError:
-            raise ConfigError(f"--launch slurm needs submitit: {INSTALL}") from None
+            raise ConfigError("--launch slurm needs submitit: pip install '.[slurm]' in the checkout") from None
         self._submitit, self.table = submitit, read_table({})
         self._partitions = list_partitions()
 
@@ -46,7 +41,7 @@ class SlurmLauncher:
         """Submit commands and yield each as it ends; what is interrupted here goes on there."""
         if not commands:
             return
-        jobs = self._adopt_or_submit(commands, folder, MOST_REQUEUES if resumes else 0)
+        jobs = self._adopt_or_submit(commands, folder, 1000 if resumes else 0)
         print(f"{len(jobs)} jobs of SLURM: {jobs[0].job_id} to {jobs[-1].job_id}; logs in {folder}; Ctrl-C ends the "
               f"waiting, not the jobs", flush=True)
         waiting, unseen = dict(enumerate(jobs)), dict.fromkeys(range(len(jobs)), 0)
@@ -60,11 +55,11 @@ class SlurmLauncher:
                     yield Ended(index, self._reason(job) if has_result else f"job {job.job_id} is in no queue and left "
                                                                             f"no result; see {job.paths.stderr}")
             if waiting:
-                time.sleep(POLL)
+                time.sleep(2.0)
 
     def _adopt_or_submit(self, commands: Sequence[Command], folder: Path, requeues: int) -> list[Any]:
         """Return the jobs of commands: those that an earlier call submitted and that are still queued, and new ones."""
-        record = folder / JOBS
+        record = folder / "jobs.json"
         try:
             earlier = read_json(record) if record.is_file() else {}
         except ValueError:  # of no use
@@ -85,8 +80,7 @@ class SlurmLauncher:
         folder.mkdir(parents=True, exist_ok=True)
         executor = self._submitit.SlurmExecutor(folder=folder, max_num_timeout=requeues,
                                                 python=table.python or None)
-        named = {key: value for key, value in (("partition", table.partition), ("account", table.account),
-                                               ("qos", table.qos)) if value}
+        named = {key: value for key in ("partition", "account", "qos") if (value := getattr(table, key))}
         executor.update_parameters(
             time=max(1, round(60 * table.hours)), mem=f"{max(1, round(1000 * table.memory_gb))}M",
             cpus_per_task=table.cores, ntasks_per_node=1, nodes=1, array_parallelism=table.parallel,
@@ -114,8 +108,7 @@ def list_partitions() -> list[str]:
 
 def list_jobs() -> set[str]:
     """Return the ids of the user's jobs that wait, run or have just ended, arrays by element."""
-    return {line.strip() for line in _ask(["squeue", "--me", "-h", "-r", "-o", "%i"]).splitlines()} | {
-        line.strip() for line in _ask(["squeue", "--me", "-h", "-r", "-o", "%A"]).splitlines()}
+    return set(_ask(["squeue", "--me", "-h", "-r", "-o", "%i %A"]).split())
 
 
 def _ask(words: list[str]) -> str:
@@ -127,3 +120,29 @@ def _ask(words: list[str]) -> str:
     if done.returncode:
         raise ConfigError(f"--launch slurm: {words[0]}: {done.stderr.strip() or f'status {done.returncode}'}")
     return done.stdout
+
+
+def make_launcher(name: str) -> SlurmLauncher | None:
+    """Return the launcher of a name; None for processes of this machine. Raises ConfigError, UnknownName."""
+    if name not in LAUNCHERS:
+        raise UnknownName("launcher", name, LAUNCHERS)
+    return None if name == "local" else SlurmLauncher()
+
+
+def find_launcher(name: str, table: Path | None) -> SlurmLauncher | None:
+    """Return the launcher of a name with what a YAML file says, which has the keys of `LaunchTable`.
+
+    Raises ConfigError, UnknownName.
+    """
+    if name == "local":
+        if table is not None:
+            raise ConfigError(f"--launch-file {table} with --launch local; accepted: with --launch slurm")
+        return None
+    numbers = {} if table is None else read(table)
+    if not isinstance(numbers, dict):
+        raise ConfigError(f"{table}: {numbers!r:.60}; accepted: a mapping of the keys of `launch`")
+    read_table(numbers)  # what the file has wrong is said first, also where there is no cluster
+    launcher = make_launcher(name)
+    if launcher is not None:
+        launcher.configure(numbers)
+    return launcher

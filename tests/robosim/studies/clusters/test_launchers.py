@@ -10,7 +10,7 @@ from robosim.base.errors import ConfigError
 from robosim.base.jobs import Command, Ended
 from robosim.commands.main import main
 from robosim.studies.clusters.job import ClusterJob, JobFailed
-from robosim.studies.clusters.launchers import find_launcher
+from robosim.studies.clusters.slurm import find_launcher
 from robosim.studies.verification.report import report
 
 

@@ -14,7 +14,7 @@ from slurm_cluster import INSTALL, NODES, SlurmCluster, missing_programs
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.studies.clusters.launch import read_table
-from robosim.studies.clusters.launchers import make_launcher
+from robosim.studies.clusters.slurm import make_launcher
 
 SWEEP = """
 tasks: [Pendulum-v1, SpoonTranslate]
