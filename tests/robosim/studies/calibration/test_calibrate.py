@@ -41,13 +41,11 @@ def direct_table(**change: Any) -> dict[str, Any]:
 
 
 def run(folder: Path, table: dict[str, Any], *options: str) -> int:
-    """Write a file of measurements and run the command."""
     (folder / "lab.yaml").write_text(yaml.safe_dump(table))
     return main(["calibrate", str(folder / "lab.yaml"), "--out", str(folder / "out"), *options])
 
 
 def figures(folder: Path) -> dict[str, Any]:
-    """The figures of a run."""
     return json.loads((folder / "out" / "calibration.json").read_text())
 
 

@@ -31,13 +31,11 @@ def cone_map(shift: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
 
 
 def make_heap(path: Path, **more: Any) -> HeapExperiment:
-    """A heap's table."""
     return HeapExperiment.model_validate({"kind": "heap", "data": str(path), "unit": "mm", "scale": PIXEL,
                                           "noise": 0.002, "radius": RADIUS, "height": HEIGHT, **more})
 
 
 def save_map(folder: Path, heights_m: np.ndarray) -> Path:
-    """Write a height map in mm."""
     np.save(folder / "heap.npy", 1e3 * heights_m)
     return folder / "heap.npy"
 
@@ -139,7 +137,6 @@ def test_files_that_are_no_maps_are_refused(tmp_path: Path) -> None:
 
 
 def make_pour(path: Path, lines: list[str]) -> PourExperiment:
-    """A pour whose file has these lines."""
     path.write_text("\n".join(["t,m", *lines]))
     return PourExperiment.model_validate({
         "kind": "pour", "data": str(path), "unit": "g", "noise": 0.001, "length": 0.1, "depth": 0.06, "width": 0.08,

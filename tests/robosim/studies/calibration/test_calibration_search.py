@@ -39,7 +39,6 @@ def profile(numbers: Numbers, seed: int) -> np.ndarray:
 
 def make_trial(simulate: Callable[[Numbers, int], np.ndarray] = profile, seed: int = 7, offset: float = 0.0,
                is_direct: bool = False) -> Trial:
-    """Make a trial with readings of known numbers."""
     readings = simulate(TRUE, 999 + seed) + np.random.default_rng(seed).normal(0.0, ERROR, len(RADII))
     readings = readings + offset * np.cos(4 * RADII)
     return Trial("heap", "heap", readings, np.full(len(RADII), ERROR), simulate, is_direct, False, RADII, "r", "m")

@@ -69,14 +69,12 @@ class SlurmCluster:
             time.sleep(0.5)
 
     def call(self, program: str, *words: str) -> str:
-        """Run a program of the cluster and return what it prints."""
         done = subprocess.run([find(program) or program, *words], env=self.environment, capture_output=True, text=True,
                               timeout=60.0)
         assert done.returncode == 0, f"{program}: {done.stdout}{done.stderr}"
         return done.stdout.strip()
 
     def stop(self) -> None:
-        """End all daemons."""
         for name in (*(f"{node}.pid" for node in NODES), "controller.pid", "munged.pid"):
             path = self.folder / name
             if path.is_file():
@@ -90,5 +88,4 @@ def find(program: str) -> str | None:
 
 
 def missing_programs() -> list[str]:
-    """Return what this machine lacks."""
     return [program for program in PROGRAMS if find(program) is None]

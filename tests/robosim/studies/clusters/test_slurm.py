@@ -33,7 +33,6 @@ TIMES = ("seconds", "simulating", "updating")
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[SlurmCluster]:
-    """Return a cluster of two nodes on this machine."""
     if missing_programs():
         pytest.skip(f"{', '.join(missing_programs())} missing: {INSTALL}")
     folder = tmp_path / "cluster"
@@ -44,7 +43,6 @@ def cluster(tmp_path: Path) -> Iterator[SlurmCluster]:
 
 
 def start_sweep(file: Path, *words: str, env: dict[str, str] | None = None) -> "subprocess.Popen[str]":
-    """Start a sweep in its file's folder."""
     return subprocess.Popen([sys.executable, "-m", "robosim", "sweep", file.name, *words], cwd=file.parent, env=env,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 

@@ -105,7 +105,6 @@ def test_a_whole_report_measures_every_expectation(name: str) -> None:
 
 
 def verdicts(name: str, **choices) -> dict[str, str]:
-    """Verdicts on a run of a case."""
     case = find(name)
     return {finding.claim: finding.verdict for finding in judge(case, [case(**choices)])}
 
