@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from robosim.config.materials import number_names
-from robosim.studies.calibration import direct
+from robosim.studies.calibration import experiment
 from robosim.studies.calibration.emulator import Emulator
 from robosim.studies.calibration.experiment import Trial
 from robosim.studies.calibration.measurements import (
@@ -17,8 +17,7 @@ from robosim.studies.calibration.measurements import (
     ShearExperiment,
     TiltExperiment,
 )
-from robosim.studies.calibration.posterior import INTERVAL
-from robosim.studies.calibration.search import Ranges, Search, predict
+from robosim.studies.calibration.search import INTERVAL, Ranges, Search, predict
 
 LEAST_PROBABILITY = 0.01
 """Of residuals as large as those of the best numbers, were the errors as stated; below it nothing is calibrated."""
@@ -154,7 +153,7 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
     card = {key: getattr(measurements.card, field).value for key, field in number_names(measurements.card).items()}
     if "friction_angle_deg" in card:
         for name, one in candidates(card["density"], "wall_friction" in ranges.names).items():
-            values = np.array([direct.predict(one, card | ranges.numbers(point)) for point in samples])
+            values = np.array([experiment.predict(one, card | ranges.numbers(point)) for point in samples])
             read[name] = values, usual_errors(one, values) ** 2
     advice = [Advice(name, expected_widths(samples, *one, ranges.names)) for name, one in read.items()]
     return sorted(advice, key=lambda one: -one.gain)
@@ -172,7 +171,7 @@ def usual_errors(one: Experiment, values: np.ndarray) -> np.ndarray:
 
 def candidates(density: float, has_wall: bool) -> dict[str, Experiment]:
     """Return measurements that nearly every laboratory can make, with the errors that they usually have."""
-    stress = density * direct.G * 0.05  # of a layer of 5 cm
+    stress = density * experiment.G * 0.05  # of a layer of 5 cm
     found: dict[str, Experiment] = {
         f"tilted tray, layer of {1e3 * depth:g} mm, 3 x, error 1 deg": TiltExperiment(
             kind="tilt", angles=[30.0] * 3, noise=1.0, depth=depth) for depth in (0.005, 0.05)}

@@ -17,7 +17,7 @@ from robosim.commands.main import main
 from robosim.config.materials import MaterialConfig, load_material, overridden
 from robosim.studies.calibration import experiment, flows
 from robosim.studies.calibration import run as run_module
-from robosim.studies.calibration.direct import shear_strength, sliding_angle
+from robosim.studies.calibration.experiment import shear_strength, sliding_angle
 from robosim.studies.calibration.flows import simulate_pour
 from robosim.studies.calibration.measurements import HeapExperiment, PourExperiment
 
