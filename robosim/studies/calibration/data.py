@@ -4,13 +4,12 @@ A heap is compared ring by ring about the column's axis; a ring's height is the 
 hold another volume than the column had is of another unit or scale, and is refused.
 """
 
-import io
 import math
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib import format as npy
+from numpy.lib.format import open_memmap
 
 from mpm.array_files import MAX_ARRAYS, MAX_HEADER
 from mpm.errors import InvalidValue
@@ -72,12 +71,10 @@ def sort_rings(distances: np.ndarray, heights: np.ndarray, width: float, last: i
 
 
 class Curve(NamedTuple):
-    """A mass over time."""
+    """Masses [kg] (n,) at times [s] (n,)."""
 
     times: np.ndarray
-    """(n,) [s]"""
     masses: np.ndarray
-    """(n,) [kg]"""
 
 
 def read_heap(name: str, heap: HeapExperiment) -> HeapData:
@@ -172,11 +169,14 @@ def _read_map(place: str, path: Path, heap: HeapExperiment) -> HeapData:
 
 def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
     try:
+        read_bytes(path, MAX_ARRAYS)
         if path.suffix.lower() == ".npy":
-            return _read_array(read_bytes(path, MAX_ARRAYS))
+            stored = open_memmap(path, "r", max_header_size=MAX_HEADER)  # refuses a header that promises more
+            if stored.dtype.kind not in "iuf":
+                raise ValueError(f"of type {stored.dtype}; accepted: real numbers")
+            return stored.astype(float)
         from PIL import Image
 
-        read_bytes(path, MAX_ARRAYS)
         with Image.open(path) as image:
             if image.mode not in ("L", "I", "I;16", "I;16B", "F"):
                 raise ValueError(f"a picture of mode {image.mode}; accepted: grey levels of 8 or 16 bits")
@@ -187,19 +187,6 @@ def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
         raise ConfigError(f"{place}: key 'height_per_level' is missing; accepted: the height of a grey level "
                           f"[{heap.unit}]")
     return levels * heap.height_per_level
-
-
-def _read_array(content: bytes) -> np.ndarray:
-    """Return the numbers of a .npy file; raises ValueError for other types, and for more than the file holds."""
-    file = io.BytesIO(content)
-    version = npy.read_magic(file)
-    read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, by_columns, kind = read_header(file, max_header_size=MAX_HEADER)
-    if kind.kind not in "iuf":
-        raise ValueError(f"of type {kind}; accepted: real numbers")
-    if math.prod(shape) * kind.itemsize != len(content) - file.tell():
-        raise ValueError(f"its header promises shape {shape} of {kind}, {len(content) - file.tell()} bytes follow")
-    return np.frombuffer(content[file.tell() :], kind).reshape(shape, order="F" if by_columns else "C").astype(float)
 
 
 def _read_profile(place: str, path: Path, heap: HeapExperiment) -> HeapData:

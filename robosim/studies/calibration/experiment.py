@@ -13,17 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from robosim.config.materials import number_names
-from robosim.studies.calibration.data import (
-    CURVE_POINTS,
-    RINGS,
-    Curve,
-    Rings,
-    make_rings,
-    read_curve,
-    read_heap,
-    sort_rings,
-)
-from robosim.studies.calibration.flows import simulate_heap, simulate_pour
+from robosim.studies.calibration import data
+from robosim.studies.calibration.flows import G, simulate_heap, simulate_pour
 from robosim.studies.calibration.measurements import (
     WALL_FRICTION,
     CupExperiment,
@@ -37,7 +28,6 @@ from robosim.studies.calibration.measurements import (
 )
 from robosim.studies.columns import rim
 
-G = 9.81
 HEAP_ERROR = 0.25
 """Error of a simulated height in cells, unless `model_error` says otherwise: heaps of a column of sugar, 80 mm wide and
 60 mm high, with 8 and with 16 cells on its radius differ by 1.2 mm, root mean square over their rings."""
@@ -74,9 +64,9 @@ class Trial(NamedTuple):
 def make_trial(measurements: Measurements, name: str, one: Experiment) -> Trial:
     """Read the data of an experiment; raises ConfigError for what cannot be used."""
     if isinstance(one, HeapExperiment):
-        return _heap_trial(measurements, name, one, make_rings(name, one, read_heap(name, one)))
+        return _heap_trial(measurements, name, one, data.make_rings(name, one, data.read_heap(name, one)))
     if isinstance(one, PourExperiment):
-        return _pour_trial(measurements, name, one, read_curve(name, one))
+        return _pour_trial(measurements, name, one, data.read_curve(name, one))
     given = {key: getattr(measurements.card, field).value for key, field in number_names(measurements.card).items()}
     readings = np.array(getattr(one, one.READS))
 
@@ -105,15 +95,15 @@ def make_candidates(measurements: Measurements) -> list[Trial]:
             half = 1.25 * rim(one.radius, one.height / one.radius)
             axis = np.arange(-half, half, one.scale or 0.002)  # pixels [m] of a depth camera at 1 m
             distances = np.hypot(*np.meshgrid(axis, axis)).ravel()
-            rings = sort_rings(distances, 0.0 * distances, one.radius / RINGS)
+            rings = data.sort_rings(distances, 0.0 * distances, one.radius / data.RINGS)
             made.append(_heap_trial(measurements, name, one, rings))
         elif isinstance(one, PourExperiment):
-            times = np.linspace(0.0, 1.3 * one.end_angle / one.tilt_speed, CURVE_POINTS)
-            made.append(_pour_trial(measurements, name, one, Curve(times, np.zeros(CURVE_POINTS))))
+            times = np.linspace(0.0, 1.3 * one.end_angle / one.tilt_speed, data.CURVE_POINTS)
+            made.append(_pour_trial(measurements, name, one, data.Curve(times, np.zeros(data.CURVE_POINTS))))
     return made
 
 
-def _heap_trial(measurements: Measurements, name: str, heap: HeapExperiment, rings: Rings) -> Trial:
+def _heap_trial(measurements: Measurements, name: str, heap: HeapExperiment, rings: data.Rings) -> Trial:
     model = HEAP_ERROR * heap.radius / heap.cells if heap.model_error is None else heap.model_error
 
     def simulate(numbers: Numbers, seed: int) -> np.ndarray:
@@ -125,7 +115,7 @@ def _heap_trial(measurements: Measurements, name: str, heap: HeapExperiment, rin
                  heap.held_out, rings.radii, "distance from the axis [m]", "m")
 
 
-def _pour_trial(measurements: Measurements, name: str, pour: PourExperiment, curve: Curve) -> Trial:
+def _pour_trial(measurements: Measurements, name: str, pour: PourExperiment, curve: data.Curve) -> Trial:
     in_box = measurements.card.density.value * pour.length * pour.width * pour.fill_height
     model = POUR_ERROR * in_box if pour.model_error is None else pour.model_error
 
@@ -135,7 +125,6 @@ def _pour_trial(measurements: Measurements, name: str, pour: PourExperiment, cur
 
     return Trial(name, "pour", curve.masses, np.full(len(curve.masses), np.hypot(pour.noise, model)), simulate, False,
                  pour.held_out, curve.times, "time [s]", "kg")
-
 
 
 def shear_ratio(friction_angle_deg: float) -> float:

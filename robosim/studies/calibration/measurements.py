@@ -256,15 +256,12 @@ def check_sought(path: Path, config: MeasurementsConfig, card: MaterialConfig) -
     for name, (least, most) in config.sought.items():
         if name not in known:
             raise UnknownName(f"number in {path}: sought", name, known)
-        if not least < most:
-            raise ConfigError(f"{path}: sought.{name} = [{least:g}, {most:g}]; accepted: the least value, then a "
-                              f"larger one")
-        if name == WALL_FRICTION:
-            if not 0.0 <= least < most <= 10.0:
-                raise ConfigError(f"{path}: sought.{name} = [{least:g}, {most:g}]; accepted: within 0 to 10")
-        else:
-            for value in (least, most):
-                overridden(card, {name: value}, f"{path}: sought:")
+        is_wall = name == WALL_FRICTION
+        if not least < most or (is_wall and not 0.0 <= least < most <= 10.0):
+            raise ConfigError(f"{path}: sought.{name} = [{least:g}, {most:g}]; accepted: "
+                              + ("within 0 to 10" if least < most else "the least value, then a larger one"))
+        for value in () if is_wall else (least, most):
+            overridden(card, {name: value}, f"{path}: sought:")
 
 
 def check_friction(path: Path, config: MeasurementsConfig, experiments: dict[str, Experiment]) -> None:
@@ -275,12 +272,3 @@ def check_friction(path: Path, config: MeasurementsConfig, experiments: dict[str
         if WALL_FRICTION not in config.sought and (on_wall or (key and getattr(one, key) is None)):
             raise ConfigError(f"{path}: experiments.{name}: needs the friction of the wall; accepted: "
                               + (f"{key}: VALUE, or " if key else "") + "wall_friction among `sought`")
-
-
-def measurements_path(name: str) -> Path:
-    """Return the path of a file of measurements; raises ConfigError where there is none."""
-    if not Path(name).is_file():
-        raise ConfigError(f"measurements {name}: no such file; accepted: the path of a .yaml file, see `robosim keys "
-                          f"measurements`")
-    return Path(name)
-

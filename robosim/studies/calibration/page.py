@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from plotly.graph_objects import Figure, Scatter
+from plotly.graph_objects import Scatter
 
 from robosim.reports.page import Page
-from robosim.reports.plot import COLOURS, LAYOUT, to_html
+from robosim.reports.plot import COLOURS, Plot
 from robosim.studies.calibration.experiment import Trial
 from robosim.studies.calibration.search import Ranges, Search
 from robosim.studies.calibration.verdict import Advice, Verdict
@@ -49,25 +49,23 @@ def make_page(title: str, verdict: Verdict, found: Search, ranges: Ranges, trial
 
 def draw_fit(trial: Trial, values: np.ndarray) -> str:
     """Draw the readings of a trial with their errors, and what the best numbers give; return HTML."""
-    role = "held out" if trial.held_out else "fitted"
-    figure = Figure(layout={**LAYOUT, "height": 320, "title": {"text": f"{trial.name} ({trial.kind}, {role})"},
-                            "xaxis": {"title": {"text": trial.axis_name}},
-                            "yaxis": {"title": {"text": f"[{trial.unit}]"}}})
-    figure.add_trace(Scatter(x=trial.axis, y=trial.readings, mode="markers", name="measured",
-                             marker={"color": COLOURS[0], "size": 7},
-                             error_y={"type": "data", "array": trial.errors, "color": COLOURS[0], "thickness": 1}))
-    figure.add_trace(Scatter(x=trial.axis, y=values, mode="lines", name="best numbers", line={"color": COLOURS[1]}))
-    return to_html(figure)
+    plot = Plot(f"{trial.name} ({trial.kind}, {'held out' if trial.held_out else 'fitted'})", trial.axis_name,
+                f"[{trial.unit}]", logarithmic=False, height=320)
+    plot.figure.add_trace(Scatter(
+        x=trial.axis, y=trial.readings, mode="markers", name="measured", marker={"color": COLOURS[0], "size": 7},
+        error_y={"type": "data", "array": trial.errors, "color": COLOURS[0], "thickness": 1}))
+    plot.figure.add_trace(Scatter(x=trial.axis, y=values, mode="lines", name="best numbers",
+                                  line={"color": COLOURS[1]}))
+    return plot.html()
 
 
 def draw_samples(samples: np.ndarray, ranges: Ranges, i: int, j: int, best: np.ndarray) -> str:
     """Draw the samples (s, d) of two numbers within their ranges, and the best (d,); return HTML."""
-    shown = samples[:: max(len(samples) // 1000, 1)]
-    figure = Figure(layout={**LAYOUT, "height": 380, "xaxis": {
-        "title": {"text": ranges.names[i]}, "range": [ranges.lower[i], ranges.upper[i]]}, "yaxis": {
-        "title": {"text": ranges.names[j]}, "range": [ranges.lower[j], ranges.upper[j]]}})
-    figure.add_trace(Scatter(x=shown[:, i], y=shown[:, j], mode="markers", name="samples",
-                             marker={"size": 3, "opacity": 0.4, "color": COLOURS[0]}))
-    figure.add_trace(Scatter(x=best[i : i + 1], y=best[j : j + 1], mode="markers", name="best",
-                             marker={"size": 10, "symbol": "x", "color": COLOURS[1]}))
-    return to_html(figure)
+    plot = Plot("", ranges.names[i], ranges.names[j], logarithmic=False, height=380)
+    plot.figure.update_layout(xaxis_range=[ranges.lower[i], ranges.upper[i]],
+                              yaxis_range=[ranges.lower[j], ranges.upper[j]])
+    for points, name, marker in (
+            (samples[:: max(len(samples) // 1000, 1)], "samples", {"size": 3, "opacity": 0.4, "color": COLOURS[0]}),
+            (best[None], "best", {"size": 10, "symbol": "x", "color": COLOURS[1]})):
+        plot.figure.add_trace(Scatter(x=points[:, i], y=points[:, j], mode="markers", name=name, marker=marker))
+    return plot.html()

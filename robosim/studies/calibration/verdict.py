@@ -23,7 +23,6 @@ LEAST_PROBABILITY = 0.01
 """Of residuals as large as those of the best numbers, were the errors as stated; below it nothing is calibrated."""
 MOST_WIDTH = 0.75
 """Width of an interval over that of the same probability of its range, from which on the data cannot tell a number."""
-
 SHEAR_ERROR = 0.05
 """Usual error of a shear cell, in the shear stress that it reads."""
 
@@ -131,11 +130,6 @@ class Advice(NamedTuple):
     widths: dict[str, float]
     """Number -> expected width of its interval over the present one."""
 
-    @property
-    def gain(self) -> float:
-        """Logarithm of the present product of widths over the expected one."""
-        return -float(np.log(np.maximum(list(self.widths.values()), 1e-6)).sum())
-
 
 def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, found: Search,
            possible: dict[str, Emulator]) -> list[Advice]:
@@ -156,7 +150,7 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
             values = np.array([experiment.predict(one, card | ranges.numbers(point)) for point in samples])
             read[name] = values, usual_errors(one, values) ** 2
     advice = [Advice(name, expected_widths(samples, *one, ranges.names)) for name, one in read.items()]
-    return sorted(advice, key=lambda one: -one.gain)
+    return sorted(advice, key=lambda one: np.log(np.maximum(list(one.widths.values()), 1e-6)).sum())
 
 
 def usual_errors(one: Experiment, values: np.ndarray) -> np.ndarray:
