@@ -21,12 +21,13 @@ from policies.demonstrations.request import load_stored
 from policies.dynamics.rollout_files import describe_environment, read_rollouts
 from policies.learning.presets import load_preset
 from policies.results.further_tables import make_further_tables
-from policies.results.tables import COLUMNS, PUBLISHED, collect_rows, fill_page, read_table, summarise_runs, write_csv
+from policies.results.tables import PUBLISHED, ROW, collect_rows, fill_page, read_table, summarise_runs
 from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
 from policies.runs.pipeline_table import format_rows
 from policies.runs.run_folder import RunFolder
 from policies.runs.sweep_file import SweepRun
 from robosim.base.digests import cache_folder, digest
+from robosim.base.files import write_rows
 from robosim.base.resources import folder
 from robosim.base.study import Store
 from robosim.config.materials import load_material
@@ -79,7 +80,7 @@ def read_demonstration(path: Path) -> None:
 
 def continue_search(path: Path) -> None:
     """Read an unfinished demonstration, and take a step."""
-    stored = load_stored(path, "f", "losses")
+    stored = load_stored(path, "f")
     assert stored is not None
     search = Descent(np.zeros((STEPS, 3)), 0.05, 0)
     search.load(stored)
@@ -145,7 +146,7 @@ def tabulate(path: Path) -> None:
     fill_page(page, summaries, published, [path], tables, {"notes": notes})
     page.html()
     if rows:
-        write_csv(path.parent / "tables.csv", rows)
+        write_rows(path.parent / "tables.csv", rows)
 
 
 def continue_run(path: Path) -> None:
@@ -174,7 +175,7 @@ def draw_points(path: Path, *, as_html: bool = False) -> None:
 
 PRESET = load_preset("sac").model_dump()
 ROW: dict[str, Any] = {
-    **dict.fromkeys(COLUMNS, 1.5), "task": "SpoonPour", "method": "dg_sac", "material": "salt", "seed": 0,
+    **dict.fromkeys(ROW, 1.5), "task": "SpoonPour", "method": "dg_sac", "material": "salt", "seed": 0,
     "starts": "nominal", "action_repeat": 10, "obs": "flat", "max_episodes": 5, "commit": "c", "episodes": 5,
     "preset": "p", "demonstrations": None, "n_envs": 1, "task_digest": "t", "field": "f", "code": {"mpm.solver": "d"},
     "command": "robosim train", "curve": [1.0, 2.0]}

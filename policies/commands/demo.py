@@ -4,10 +4,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from policies.commands.arguments import add_action_repeat, add_material, add_task, take_options
 from policies.demonstrations import METHODS
 from policies.learning.names import check_material, check_task
-from policies.learning.options import RATE
-from robosim.base.resources import config_names
+from policies.learning.options import RATE, SearchOptions
 
 EXAMPLE = """examples:
   robosim demo SpoonTranslate --n 2 --jobs 2 --out out/demo
@@ -20,40 +20,33 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("demo", help="make demonstrations by gradient descent or CMA-ES", epilog=EXAMPLE,
                                  description="Optimise motions of a sub-task by gradient descent through the "
                                  "differentiable simulation, or by CMA-ES, and write them as demonstrations.")
-    parser.add_argument("task", help=f"one of {', '.join(config_names('tasks'))}; or a task's .yaml file")
+    add_task(parser)
     parser.add_argument("--out", type=Path, required=True, help="folder for demonstrations, plots and the table; an "
                         "interrupted run continues with the same command")
-    parser.add_number("--n", default=10, help="number of demonstrations, from different starts (default: "
-                        "10)")
+    parser.add_number("--n", default=10, help="number of demonstrations, from different starts (default: 10)")
     parser.add_number("--jobs", default=1, help="number of demonstrations at the same time (default: 1)")
     parser.add_argument("--method", choices=METHODS, default="descent", help="gradient descent, or CMA-ES on a spline "
                         "of the same motion, without gradients (default: descent)")
-    parser.add_argument("--material", help=f"material of the optimisation: one of "
-                        f"{', '.join(config_names('materials'))}; or the path of a .yaml file (default: glycerol; "
-                        "clay for scooping and for the shovel)")
+    add_material(parser, "glycerol; clay for scooping and for the shovel", "material of the optimisation")
     parser.add_number("--iterations", default=150,
-                        help="largest number of iterations for each demonstration "
-                        "(default: 150)")
-    parser.add_number("--rate", default=RATE, help=f"largest change of an action (range -1 to 1) in an "
-                        f"iteration (default: {RATE})")
-    parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated "
-                        "(default: 10)")
+                      help="largest number of iterations for each demonstration (default: 150)")
+    parser.add_number("--rate", default=RATE, help="largest change of an action (range -1 to 1) in an iteration "
+                      f"(default: {RATE})")
+    add_action_repeat(parser)
     parser.add_argument("--from", dest="start", help="initial motion: a .npz file with actions, or `script`, the "
                         "task's scripted motion, for a tool that must touch its material first (default: at rest)")
-    parser.add_number("--until",
-                        help="with --from script: keep the scripted motion fixed up to this time "
-                        "[s]; after it the tool is initially at rest (default: start with the whole script, keep "
-                        "nothing fixed)")
-    parser.add_number("--limit", help="clip each entry of the state's adjoint to this in every substep; "
-                        "sand may need it (default: no clipping)")
-    parser.add_number("--seed", default=0, help="random seed of the first start, as in the environment's "
-                        "reset (default: 0)")
+    parser.add_number("--until", help="with --from script: keep the scripted motion fixed up to this time [s]; after "
+                      "it the tool is initially at rest (default: start with the whole script, keep nothing fixed)")
+    parser.add_number("--limit", help="clip each entry of the state's adjoint to this in every substep; sand may need "
+                      "it (default: no clipping)")
+    parser.add_number("--seed", default=0, help="random seed of the first start, as in the environment's reset "
+                      "(default: 0)")
     parser.add_argument("--nominal", action="store_true", help="start the first demonstration at the task's nominal "
                         "pose, as training does by default; the others start at random poses")
     parser.add_argument("--arm", action="store_true", help="report joint speeds and angles that the motion needs, and "
                         "replay it with the arm")
-    parser.add_number("--arm-weight", default=0.0, help="weight of a penalty on joint speeds and angles "
-                        "beyond the arm's limits (default: 0)")
+    parser.add_number("--arm-weight", default=0.0, help="weight of a penalty on joint speeds and angles beyond the "
+                      "arm's limits (default: 0)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_settings("task's file", "grains.count=100")
     parser.add_page()
@@ -67,12 +60,9 @@ def run(options: argparse.Namespace) -> int:
     o = options
     with o.settings.changed("tasks", o.task, o.out) as task:
         from policies.demonstrations.demo import demonstrate
-        from policies.learning.options import SearchOptions
         from policies.results.demonstration_page import write_demonstration_page
 
-        status = demonstrate(task, o.out, SearchOptions(
-            method=o.method, material=o.material, iterations=o.iterations, rate=o.rate, action_repeat=o.action_repeat,
-            start=o.start, until=o.until, limit=o.limit, arm_weight=o.arm_weight, seed=o.seed, nominal=o.nominal),
-            n=o.n, jobs=o.jobs, arm=o.arm, film=not o.no_video)
+        status = demonstrate(task, o.out, take_options(SearchOptions, o), n=o.n, jobs=o.jobs, arm=o.arm,
+                             film=not o.no_video)
         write_demonstration_page(o.make_page, o.out)
         return status

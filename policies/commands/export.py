@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from policies.commands.arguments import add_action_repeat, add_task
 from policies.learning.names import check_task
-from robosim.base.resources import config_names
 
 EXAMPLE = """examples:
   robosim export SpoonPour --demos out/demo --out out/spoon_pour --obs moments
@@ -18,7 +18,7 @@ def add_parser(commands: Any) -> None:
                                  epilog=EXAMPLE, description="Replay demonstrations in the environment and write the "
                                  "transitions to a Minari dataset, to an HDF5 file in the same layout, or to a "
                                  "LeRobot dataset with pictures.")
-    parser.add_argument("task", help=f"one of {', '.join(config_names('tasks'))}; or a task's .yaml file")
+    add_task(parser)
     parser.add_argument("--demos", type=Path, required=True, help="folder of `robosim demo`, or one .npz file")
     parser.add_argument("--out", type=Path, required=True, help="folder of the dataset, or a file that ends "
                         "in .hdf5")
@@ -26,8 +26,7 @@ def add_parser(commands: Any) -> None:
                         "parquet, mp4 and meta of version 3 (default: minari)")
     parser.add_argument("--no-pictures", action="store_true", help="lerobot: without pictures of the task")
     parser.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
-    parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated "
-                        "(default: 10)")
+    add_action_repeat(parser)
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run)
 

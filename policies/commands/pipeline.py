@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import mpm
+from policies.commands.arguments import add_material
 from policies.learning.names import check_material, check_method
 from robosim.base.resources import config_names
+from robosim.commands.arguments import one_of
 
 EXAMPLE = """examples:
   robosim pipeline spoon --jobs 2 --out out/pipeline
@@ -25,19 +27,14 @@ def add_parser(commands: Any) -> None:
                                  "step succeeded.", epilog=EXAMPLE)
     parser.add_argument("rehearsal", help=f"one of {', '.join(config_names('rehearsals'))}")
     parser.add_argument("--out", type=Path, required=True, help="folder of all results")
-    parser.add_argument("--method", default=METHOD,
-                        help=f"training method: one of {', '.join(config_names('training'))}; "
-                        f"or the path of a .yaml file (default: {METHOD})")
+    parser.add_argument("--method", default=METHOD, help=f"training method: {one_of(config_names('training'))} "
+                        f"(default: {METHOD})")
     parser.add_number("--seed", default=0, help="random seed (default: 0)")
-    parser.add_number("--n", default=1, help="demonstrations of each sub-task (default: 1; arXiv "
-                        "2406.09178: 10)")
+    parser.add_number("--n", default=1, help="demonstrations of each sub-task (default: 1; arXiv 2406.09178: 10)")
     parser.add_number("--iterations", default=150,
-                        help="largest number of iterations for each demonstration "
-                        "(default: 150)")
+                      help="largest number of iterations for each demonstration (default: 150)")
     parser.add_number("--episodes", help="largest number of training episodes (default: the method's)")
-    parser.add_argument("--material",
-                        help=f"material of the grains: one of {', '.join(config_names('materials'))}; or the "
-                        "path of a .yaml file (default: the rehearsal's)")
+    add_material(parser, "the rehearsal's")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="friction", help="tool welded to the hand, or "
                         "held by the fingers alone (default: friction)")
     parser.add_number("--perturb", metavar="N", help="also run the whole arm's motion N times with errors of the "

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from policies.commands.arguments import add_action_repeat, add_material, add_task
 from policies.learning.names import check_material, check_task
-from robosim.base.resources import config_names
 
 EXAMPLE = """examples:
   robosim rollouts SpoonPour --episodes 200 --jobs 2 --out out/rollouts/SpoonPour
@@ -17,15 +17,12 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("rollouts", help="record rollouts for training a graph network", epilog=EXAMPLE,
                                  description="Simulate a sub-task with random starts and motions, and write the "
                                  "positions of grains and tool at every action.")
-    parser.add_argument("task", help=f"one of {', '.join(config_names('tasks'))}; or a task's .yaml file")
+    add_task(parser)
     parser.add_argument("--out", type=Path, required=True, help="folder of the rollouts; those that are there are not "
                         "repeated")
     parser.add_number("--episodes", default=200, help="number of rollouts (default: 200)")
-    parser.add_argument("--material",
-                        help=f"material of the grains: one of {', '.join(config_names('materials'))}; or the "
-                        "path of a .yaml file (default: the task's)")
-    parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated; "
-                        "one frame each (default: 10)")
+    add_material(parser, "the task's")
+    add_action_repeat(parser, "; one frame each")
     parser.add_number("--seed", default=0, help="random seed of starts and motions (default: 0)")
     parser.add_number("--jobs", default=1, help="number of rollouts at the same time (default: 1)")
     parser.add_settings("task's file", "grains.count=100")

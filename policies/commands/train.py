@@ -4,8 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from policies.commands.arguments import add_action_repeat, add_material, add_task, take_options
 from policies.learning.names import check_material, check_method, check_trainable
+from policies.learning.options import TrainingOptions
 from robosim.base.resources import config_names
+from robosim.commands.arguments import one_of
 
 EXAMPLE = """examples:
   robosim train dg_sac SpoonPour --demos out/demo/SpoonPour --seed 0 --out out/runs/SpoonPour/dg_sac/seed_0
@@ -17,25 +20,21 @@ def add_parser(commands: Any) -> None:
     """Add `train` to the command line."""
     parser = commands.add_parser("train", help="train a policy on a sub-task", epilog=EXAMPLE,
                                  description="Train a policy on a sub-task with one of the methods.")
-    parser.add_argument("method", help=f"one of {', '.join(config_names('training'))}; or the path of a .yaml file")
-    parser.add_argument("task", help=f"one of {', '.join(config_names('tasks'))}; a task's .yaml file; or an id of "
-                        "Gymnasium, such as Pendulum-v1")
+    parser.add_argument("method", help=one_of(config_names("training")))
+    add_task(parser, "a task's .yaml file; or an id of Gymnasium, such as Pendulum-v1")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run; an interrupted run continues with "
                         "the same command")
     parser.add_number("--seed", default=0, help="random seed (default: 0)")
     parser.add_argument("--demos", type=Path, help="folder with demonstration_*.npz, or one .npz file with `actions`")
     parser.add_argument("--rollouts", type=Path, help="folder of `robosim rollouts`, for methods with a graph network")
     parser.add_number("--episodes", help="largest number of episodes (default: the method's)")
-    parser.add_argument("--material",
-                        help=f"material of the grains: one of {', '.join(config_names('materials'))}; or the "
-                        "path of a .yaml file (default: the task's)")
+    add_material(parser, "the task's")
     parser.add_argument("--starts", choices=["nominal", "random"], default="nominal", help="start of the episodes: the "
                         "task's nominal start, or random within its ranges (default: nominal)")
-    parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated "
-                        "(default: 10)")
+    add_action_repeat(parser)
     parser.add_argument("--obs", help="layout of the observation (default: the method's)")
-    parser.add_number("--checkpoint-every", default=10, metavar="N", help="write a checkpoint after every "
-                        "N episodes; an interrupted run writes its last one (default: 10)")
+    parser.add_number("--checkpoint-every", default=10, metavar="N", help="write a checkpoint after every N episodes; "
+                      "an interrupted run writes its last one (default: 10)")
     parser.add_number("--evaluate-every", default=10, metavar="N", help="evaluate the policy without exploration after "
                       "every N episodes; the best one is kept (default: 10)")
     parser.add_number("--n-envs", default=1, metavar="N", help="sub-tasks that are simulated together, with as many "
@@ -53,16 +52,12 @@ def run(options: argparse.Namespace) -> int:
     check_method(options.method)
     check_trainable(options.task)
     check_material(options.material)
-    from policies.learning.options import TrainingOptions
     from policies.methods.train import train
     from policies.results.run_page import write_own_page
 
     o = options
     try:
-        return train(o.method, o.task, o.out, TrainingOptions(
-            seed=o.seed, demos=o.demos, rollouts=o.rollouts, material=o.material, starts=o.starts,
-            action_repeat=o.action_repeat, n_envs=o.n_envs, checkpoint_every=o.checkpoint_every,
-            evaluate_every=o.evaluate_every, label=o.label, force=o.force),
-            episodes=o.episodes, obs=o.obs, settings=o.settings)
+        return train(o.method, o.task, o.out, take_options(TrainingOptions, o), episodes=o.episodes, obs=o.obs,
+                     settings=o.settings)
     finally:  # also of a run that failed or was interrupted; not of another process that has the folder
         write_own_page(o.make_page, o.out)

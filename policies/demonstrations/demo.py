@@ -16,7 +16,7 @@ from policies.demonstrations.generator import make_demonstrations
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import draw_learning_curves, write_table
 from policies.learning.environments import make_environment
-from policies.learning.options import SearchOptions
+from policies.learning.options import SearchOptions, check_at_least
 from robosim.base.jobs import worker_pool
 from robosim.base.output_folder import OutputFolder
 
@@ -28,23 +28,14 @@ def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jo
     """Make demonstrations 0 to n - 1 in a folder, with their table, learning curves and films; return 0.
 
     jobs: demonstrations that are searched for at the same time. arm: whether the table has what the motion asks of the
-    arm's joints.
-
-    Raises:
-        robosim.ConfigError: another process is at work in the folder.
-        mpm.InvalidValue: an option does not fit the task, or the folder holds other demonstrations.
+    arm's joints. Raises robosim.ConfigError where another process is at work in the folder, mpm.InvalidValue for an
+    option that does not fit the task, or a folder with other demonstrations.
     """
-    for name, number in (("--n", n), ("--jobs", jobs)):
-        if number < 1:
-            raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
-    o, action_repeat = options, options.action_repeat
-    env: Any = make_environment(task, action_repeat=action_repeat).unwrapped
-    actions = first_actions(o.start, o.until, env.task, ActionRepeat(env.task, action_repeat))
-    request = DemonstrationRequest(
-        task=env.source, out=out, material=o.material or surrogate_material(env.task), first_actions=actions,
-        fixed=count_fixed(o.until, env.task, action_repeat, len(actions)), method=o.method, iterations=o.iterations,
-        rate=o.rate, action_repeat=action_repeat, limit=o.limit, arm_weight=o.arm_weight, seed=o.seed,
-        nominal=o.nominal)
+    check_at_least(1, {"--n": n, "--jobs": jobs})
+    env: Any = make_environment(task, action_repeat=options.action_repeat).unwrapped
+    actions = first_actions(options.start, options.until, env.task, ActionRepeat(env.task, options.action_repeat))
+    request = DemonstrationRequest(env.source, out, options.material or surrogate_material(env.task), actions,
+                                   count_fixed(options.until, env.task, options.action_repeat, len(actions)), options)
     with OutputFolder(out):
         if jobs > 1:
             shares = [range(i, n, jobs) for i in range(min(jobs, n))]

@@ -31,7 +31,7 @@ STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "returns
 class Descent:
     """A search over parameters (n, k) within -1 and 1, with steps of at most about `rate`.
 
-    The first `fixed` rows are not changed. A `policies.demonstrations.generator.Search`.
+    The first `fixed` rows are not changed.
     """
 
     uses_gradient: ClassVar[bool] = True

@@ -13,9 +13,8 @@ from gymnasium.envs.registration import EnvSpec
 
 import mpm
 from mpm.files import write
-from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
-from policies.learning.environments import make_environment
-from policies.learning.names import is_task_file
+from policies.demonstrations.reading import read_demonstrations
+from policies.learning.environments import environment_id, make_environment
 from robosim.base.files import write_json
 from robosim.base.progress import Progress
 from robosim.episode.play import Transition, run_episode
@@ -31,6 +30,8 @@ class PlayedDemonstration(NamedTuple):
     """Of its file."""
     seed: int
     transitions: list[Transition]
+    pictures: np.ndarray | None = None
+    """Before each action (decisions, height, width, 3), RGB; None where none were drawn."""
 
 
 def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repeat: int = 10) -> int:
@@ -41,9 +42,7 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repea
     the file of the transitions alone. Its layout: a group `episode_k` for each, with observations (T + 1, ...), actions
     (T, n), rewards, terminations and truncations (T,), and attributes id, seed, total_steps, demonstration and score;
     on top the attributes total_episodes, total_steps and env_spec.
-
-    Raises:
-        mpm.InvalidValue: h5py is not installed, or a path or demonstration is wrong.
+    Raises mpm.InvalidValue where h5py is not installed, or a path or demonstration is wrong.
     """
     if find_spec("h5py") is None:
         raise mpm.InvalidValue('robosim export needs h5py: pip install ".[learn]"')
@@ -54,6 +53,11 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repea
     spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
     write_dataset(*files, episodes, {"dataset_id": out.name, "env_spec": spec.to_json(), **{
         key: json.dumps(describe_space(space)) for key, space in spaces.items()}})
+    return finish(env, out, episodes)
+
+
+def finish(env: gymnasium.Env, out: Path, episodes: list[PlayedDemonstration]) -> int:
+    """Close the environment and print what was written; return 0."""
     env.close()
     scores = [episode.transitions[-1].info["tcs"] for episode in episodes]
     print(f"{out}: {len(episodes)} episodes, scores {min(scores):.2f} to {max(scores):.2f}")
@@ -64,47 +68,22 @@ def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", acti
                    with_pictures: bool = True) -> int:
     """Play every demonstration, from its own start, and write a LeRobot dataset of version 3; return 0.
 
-    One frame a decision: observation.state, action, next.reward, next.done, and a picture of the task's camera.
-
-    Raises:
-        mpm.InvalidValue: pyarrow is not installed, or a path, demonstration or observation is wrong.
+    One frame a decision: observation.state, action, next.reward, next.done, and a picture of the task's camera. Raises
+    mpm.InvalidValue where pyarrow is not installed, or a path, demonstration or observation is wrong.
     """
     if find_spec("pyarrow") is None:
         raise mpm.InvalidValue('--format lerobot needs pyarrow: pip install ".[lerobot]"')
-    from policies.demonstrations.lerobot_dataset import LeRobotEpisode, write_lerobot_dataset
+    from policies.demonstrations.lerobot_dataset import write_lerobot_dataset
 
     env = make_environment(task, obs=obs, action_repeat=action_repeat,
                            render_mode="rgb_array" if with_pictures else None)
     inner: Any = env.unwrapped
     if not isinstance(env.observation_space, gymnasium.spaces.Box):
         raise mpm.InvalidValue(f"--obs {obs} with --format lerobot; accepted: a layout that is one array")
-    decisions, dimensions = -(-inner.task.steps // action_repeat), inner.task.action.dimensions
-    episodes, scores = [], []
-    for path in Progress(demonstration_paths(demos), desc="playing", unit="demonstrations"):
-        actions = read_actions(path, decisions, action_repeat, dimensions, inner.TASK)
-        seed, options = read_start(path)
-        pictures: list[Any] = []
-        transitions: list[Transition] = []
-        for transition in run_episode(env, actions, seed=seed, options=options):
-            transitions.append(transition)
-            if with_pictures:
-                pictures.append(env.render())
-        # the picture before an action is the one after the action before; the first is that of the start
-        env.reset(seed=seed, options=options)
-        first: Any = env.render() if with_pictures else None
-        shown = np.stack([first, *pictures[:-1]]) if with_pictures else None
-        scores.append(transitions[-1].info["tcs"])
-        episodes.append(LeRobotEpisode(np.stack([t.observation for t in transitions]).astype(np.float32),
-                                       np.stack([t.action for t in transitions]).astype(np.float32),
-                                       np.array([t.reward for t in transitions], np.float32), shown))
-    states = episodes[0].states.shape[1]
+    episodes = play_demonstrations(env, demos, action_repeat, with_pictures)
     write_lerobot_dataset(out, episodes, fps=1.0 / (action_repeat * inner.task.step_dt), task=inner.task.description,
-                          robot=f"{inner.task.tool_name}, moved alone",
-                          state_names=[f"{obs}_{k}" for k in range(states)],
-                          action_names=[f"velocity_{k}" for k in range(dimensions)])
-    env.close()
-    print(f"{out}: {len(episodes)} episodes, scores {min(scores):.2f} to {max(scores):.2f}")
-    return 0
+                          robot=f"{inner.task.tool_name}, moved alone", state=obs)
+    return finish(env, out, episodes)
 
 
 def dataset_files(out: Path) -> tuple[Path, Path | None]:
@@ -128,26 +107,31 @@ def dataset_files(out: Path) -> tuple[Path, Path | None]:
     return folder / "main_data.hdf5", folder / "metadata.json"
 
 
-def play_demonstrations(env: gymnasium.Env, demos: Path, action_repeat: int) -> list[PlayedDemonstration]:
+def play_demonstrations(env: gymnasium.Env, demos: Path, action_repeat: int,
+                        with_pictures: bool = False) -> list[PlayedDemonstration]:
     """Play the demonstrations of a folder, or of one file, in an environment."""
     inner: Any = env.unwrapped
     decisions, dimensions = -(-inner.task.steps // action_repeat), inner.task.action.dimensions
     episodes = []
-    for path in Progress(demonstration_paths(demos), desc="playing", unit="demonstrations"):
-        actions = read_actions(path, decisions, action_repeat, dimensions, inner.TASK)
-        seed, options = read_start(path)
-        episodes.append(PlayedDemonstration(path.name, seed, list(run_episode(env, actions, seed=seed,
-                                                                              options=options))))
+    read = read_demonstrations(demos, decisions, action_repeat, dimensions, inner.TASK)
+    for name, actions, seed, options in Progress(read, desc="playing", unit="demonstrations"):
+        transitions, pictures = [], []
+        for transition in run_episode(env, actions, seed=seed, options=options):
+            transitions.append(transition)
+            if with_pictures:
+                pictures.append(env.render())
+        if with_pictures:  # the picture before an action is the one after the action before, or of the start
+            env.reset(seed=seed, options=options)
+            pictures = [env.render(), *pictures[:-1]]
+        episodes.append(PlayedDemonstration(name, seed, transitions, np.stack(pictures) if pictures else None))
     return episodes
 
 
 def env_spec(env: Any, options: dict[str, Any]) -> EnvSpec:
     """Return the specification with which `gymnasium.make` makes a sub-task's environment."""
-    name, kwargs = env.TASK, options
-    if is_task_file(env.source):
-        name, kwargs = "Task", {"task": env.source, **options}
-    registered = gymnasium.spec(f"robosim/{name}-v0")
-    return EnvSpec(id=registered.id, entry_point=registered.entry_point, kwargs=kwargs)
+    name, own = environment_id(env.source)
+    registered = gymnasium.spec(name)
+    return EnvSpec(id=registered.id, entry_point=registered.entry_point, kwargs={**own, **options})
 
 
 def describe_space(space: gymnasium.Space) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 import sys
 from functools import partial
-from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -19,81 +18,58 @@ CHANGE, PATIENCE = 0.05, 5
 """A loss has settled when it has changed by less than this fraction in more than so many iterations."""
 
 
-class Search(Protocol):
-    """A search for the actions of least loss, one motion at a time."""
-
-    uses_gradient: ClassVar[bool]
-    check_every: ClassVar[int]
-    """Iterations between two checks of convergence."""
-    now: np.ndarray
-    """Actions to be evaluated next (decisions, dimensions)."""
-    best: np.ndarray
-    """Actions of the lowest loss so far."""
-    lowest: float
-    """Lowest loss so far."""
-
-    def step(self, loss: float, gradient: np.ndarray | None = None) -> None:
-        """Take the loss of `now`, with its derivatives if the search uses them, and set the next `now`."""
-
-    def fail(self) -> None:
-        """Take that `now` has no loss, and set the next `now`."""
-
-    def convergence_losses(self, losses: list[float]) -> list[float]:
-        """Return those of the losses of all iterations that have to settle."""
-        ...
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return what the next steps depend on, besides the losses."""
-        ...
-
-    def load(self, state: dict[str, np.ndarray]) -> None:
-        """Restore a state; it holds all losses as `losses`."""
+Search = Descent | SplineSearch
+"""A search for the actions of least loss, one motion at a time: `now` is evaluated next."""
 
 
 class DemonstrationGenerator:
     """Makes the demonstrations of a request, in one environment."""
 
     def __init__(self, request: DemonstrationRequest) -> None:
-        self.request, self.env = request, request.make_environment(material=request.material)
-        self.loss = MotionLoss(self.env, request.action_repeat, limit=request.limit, arm_weight=request.arm_weight)
+        self.request, self.options = request, request.options
+        self.env = request.make_environment(material=request.material)
+        self.loss = MotionLoss(self.env, self.options.action_repeat, limit=self.options.limit,
+                               arm_weight=self.options.arm_weight)
 
     def make(self, k: int) -> dict[str, np.ndarray]:
         """Return the arrays of demonstration k: read if it is stored, else made, from a stored search if there is one.
 
-        Raises:
-            mpm.InvalidValue: the folder holds another demonstration k, or every motion diverged.
+        Raises mpm.InvalidValue where the folder holds another demonstration k, or every motion diverged.
         """
-        r = self.request
+        r, iterations = self.request, self.options.iterations
         mark = r.fingerprint(k, self.env)
-        arrays = load_stored(r.path(k), mark, "losses")
+        arrays = load_stored(r.path(k), mark)
         if arrays is None:
             arrays = self._run(k, mark)
-        elif len(arrays["losses"]) < r.iterations and not arrays.get("settled", has_settled(list(arrays["losses"]))):
+        elif len(arrays["losses"]) < iterations and not arrays.get("settled", has_settled(list(arrays["losses"]))):
             print(f"{r.path(k)}: has {len(arrays['losses'])} iterations and is not continued; remove it for "
-                  f"{r.iterations}", file=sys.stderr)
+                  f"{iterations}", file=sys.stderr)
         r.unfinished_path(k).unlink(missing_ok=True)
         return arrays
 
-    def _make_search(self, seed: int) -> Search:
-        r = self.request
-        return Descent(r.first_actions, r.rate, r.fixed) if r.method == "descent" else \
-            SplineSearch(r.first_actions, seed, r.fixed)
-
     def _run(self, k: int, mark: str) -> dict[str, np.ndarray]:
         """Search until the loss has converged; store the demonstration."""
-        r, start = self.request, self.request.reset_arguments(k)
+        r, o, start = self.request, self.options, self.request.reset_arguments(k)
         self.env.reset(**start)
         self.loss.set_start()
-        search, losses, norms = self._make_search(start["seed"]), [], np.zeros((0, 2))
-        stored = load_stored(r.unfinished_path(k), mark, "losses")
+        search = Descent(r.first_actions, o.rate, r.fixed) if o.method == "descent" else \
+            SplineSearch(r.first_actions, start["seed"], r.fixed)
+        losses, norms = [], np.zeros((0, 2))
+        stored = load_stored(r.unfinished_path(k), mark)
         if stored is not None:
             try:
                 search.load(stored)
             except ValueError as error:
                 raise mpm.InvalidValue(f"{r.unfinished_path(k)}: {error}; remove it to begin anew") from None
             losses, norms = list(stored["losses"]), stored["norms"]
-        progress = Progress(initial=len(losses), total=r.iterations, desc=r.path(k).stem, unit="iterations")
-        while len(losses) < r.iterations and not self._has_converged(losses, search, start):
+        progress = Progress(initial=len(losses), total=o.iterations, desc=r.path(k).stem, unit="iterations")
+
+        def has_converged() -> bool:
+            """Whether the loss has settled at a motion that succeeds (arXiv 2406.09178, Algorithm 2)."""
+            return len(losses) % search.check_every == 0 and has_settled(search.convergence_losses(losses)) and \
+                bool(score_motion(self.env, search.best, **start)["is_success"])
+
+        while len(losses) < o.iterations and not has_converged():
             loss, norms = self._iterate(search, norms)
             losses.append(loss)
             progress.set_postfix(loss=f"{loss:.3f}", best=f"{search.lowest:.3f}")
@@ -108,7 +84,7 @@ class DemonstrationGenerator:
                   "check": self.loss.check_gradient(search.best) if search.uses_gradient else np.zeros((0, 2)),
                   "fingerprint": np.array(mark), "task": np.array(r.name), "seed": np.array(start["seed"]),
                   "nominal": np.array(start["options"]["nominal"]), "material": np.array(r.material),
-                  "action_repeat": np.array(r.action_repeat), "method": np.array(r.method),
+                  "action_repeat": np.array(o.action_repeat), "method": np.array(o.method),
                   "settled": np.array(has_settled(search.convergence_losses(losses)))}
         write(r.path(k), partial(np.savez, **arrays))
         return arrays
@@ -130,12 +106,6 @@ class DemonstrationGenerator:
             loss = np.inf
             search.fail()
         return loss, norms
-
-    def _has_converged(self, losses: list[float], search: Search, start: dict[str, Any]) -> bool:
-        """Return whether the loss has settled at a motion that succeeds (arXiv 2406.09178, Algorithm 2)."""
-        if len(losses) % search.check_every > 0 or not has_settled(search.convergence_losses(losses)):
-            return False
-        return bool(score_motion(self.env, search.best, **start)["is_success"])
 
 
 def has_settled(losses: list[float]) -> bool:

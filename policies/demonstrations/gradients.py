@@ -10,10 +10,11 @@ import numpy as np
 
 import mpm
 from policies.demonstrations import TASKS
-from policies.demonstrations.action_repeat import ActionRepeat
+from policies.demonstrations.motion_loss import DIFFERENCE, MotionLoss
 from policies.demonstrations.request import surrogate_material
 from policies.demonstrations.summary import draw_gradient_norms
 from policies.learning.environments import make_environment
+from policies.learning.options import check_at_least
 from robosim.base.files import write_json
 from robosim.base.output_folder import OutputFolder
 from robosim.base.study import Job, Study
@@ -26,9 +27,9 @@ VARIANTS: dict[str, dict[str, Any]] = {
 """Options of the rollout in each variant; SURROGATE is the material of demonstrations, the others the task's own."""
 STEPS_BEFORE_END = (10, 30, 100, 300, 1000)
 """Where the motion is changed to compare its derivative with finite differences."""
-DIFFERENCE, LATE = 1e-3, 100
-"""Step in actions of -1 to 1. A change LATE steps before the end or later has little effect, which single precision's
-rounding of the loss would hide: there the step is larger."""
+LATE = 100
+"""A change so many steps before the end or later has little effect, which single precision's rounding of the loss would
+hide: there the step of the difference is larger."""
 SCRIPT_SCALE, PERTURBATION = 0.98, 0.003
 """The motion is SCRIPT_SCALE x the script's actions plus a uniform random part of up to PERTURBATION. The script alone
 keeps its tool level, with the field's nodes on those of the tool's distances, where any sideways step changes every
@@ -40,14 +41,12 @@ Results = dict[tuple[str, str], dict[str, np.ndarray]]
 def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     """Differentiate the script of every task in all variants; write gradients.json and gradients.png; return 0.
 
-    Raises:
-        mpm.InvalidValue: a task is unknown, jobs is less than 1, or a process failed.
+    Raises mpm.InvalidValue for an unknown task, jobs below 1, or a process that failed.
     """
     for task in tasks:
         if Path(task).stem not in TASKS:
             raise mpm.InvalidValue(f"unknown task {task!r}; valid: {', '.join(TASKS)}")
-    if jobs < 1:
-        raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
+    check_at_least(1, {"--jobs": jobs})
     keys = [(task, variant) for task in tasks for variant in VARIANTS]
     work = [Job("policies.demonstrations.gradients:differentiate", {"task": task, "variant": variant},
                 depends=load_task(task).model_dump(mode="json", exclude={"description"})) for task, variant in keys]
@@ -81,15 +80,14 @@ def differentiate(task: str, variant: str) -> dict[str, Any]:
     material = surrogate_material(own.task) if variant == SURROGATE else own.task.material
     env: Any = make_environment(task, material=material, action_repeat=ACTION_REPEAT).unwrapped
     env.reset(options={"nominal": True})
-    rollout, motion = env.rollout(**VARIANTS[variant]), ActionRepeat(env.task, ACTION_REPEAT)
-    loss, script = env.objective(), motion.follow_script(env.task, env.task.steps * env.task.step_dt)
+    loss = MotionLoss(env, ACTION_REPEAT, **VARIANTS[variant])
+    script = loss.actions.follow_script(env.task, env.task.steps * env.task.step_dt)
     actions = SCRIPT_SCALE * script + PERTURBATION * np.random.default_rng(0).uniform(-1.0, 1.0, script.shape)
     checks = np.zeros((0, 3))
     try:
-        _, bars = rollout.value_and_grad(*motion.to_twists(actions), loss)
-        norms, lost = rollout.last.norms, -1
-        gradient = motion.pull_back(*bars)
-        checks = np.array([(steps, *_compare_with_difference(rollout, motion, loss, actions, gradient, steps))
+        _, gradient = loss.value_and_grad(actions)
+        norms, lost = loss.rollout.last.norms, -1
+        checks = np.array([(steps, *_compare_with_difference(loss, actions, gradient, steps))
                            for steps in STEPS_BEFORE_END])
     except mpm.GradientDiverged as error:
         norms, lost = error.norms, error.step
@@ -98,21 +96,20 @@ def differentiate(task: str, variant: str) -> dict[str, Any]:
     return {"norms": norms.tolist(), "lost": lost, "checks": checks.tolist(), "material": material}
 
 
-def _compare_with_difference(rollout: Any, motion: ActionRepeat, loss: Any, actions: np.ndarray, gradient: np.ndarray,
+def _compare_with_difference(loss: MotionLoss, actions: np.ndarray, gradient: np.ndarray,
                              steps_before_end: int) -> tuple[float, float]:
     """Return derivative and central difference along a random change of one action.
 
     The difference is NaN where a changed motion diverges.
     """
     direction = np.zeros_like(actions)
-    decision = max(0, motion.decisions - steps_before_end // motion.action_repeat)
+    decision = max(0, len(actions) - steps_before_end // ACTION_REPEAT)
     direction[decision] = np.random.default_rng(steps_before_end).choice((-1.0, 1.0), actions.shape[1])
-    step = DIFFERENCE * max(1.0, LATE / steps_before_end)
     try:
-        above, below = (rollout.value(*motion.to_twists(actions + s * direction), loss) for s in (step, -step))
+        difference = loss.difference(actions, direction, DIFFERENCE * max(1.0, LATE / steps_before_end))
     except mpm.SimulationDiverged:
-        above = below = np.nan
-    return float(np.sum(gradient * direction)), (above - below) / (2.0 * step)
+        difference = np.nan
+    return float(np.sum(gradient * direction)), difference
 
 
 def summarise(task: str, variant: str, arrays: dict[str, np.ndarray]) -> dict[str, Any]:

@@ -5,17 +5,18 @@ Source of the layout: https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
 
 import json
 import shutil
-from fractions import Fraction
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import av
 import numpy as np
 import pyarrow as pa  # pyright: ignore[reportMissingImports]  (of the extra `lerobot`)
 import pyarrow.parquet as pq  # pyright: ignore[reportMissingImports]
 
 import mpm
 from mpm.files import temporary_path
+from policies.demonstrations.export import PlayedDemonstration
+from robosim.rendering.video import Mp4Writer
 
 VERSION = "v3.0"
 CHUNK = "chunk-000/file-000"
@@ -29,60 +30,51 @@ SAMPLED_PICTURES = 100
 """Pictures of an episode at most whose colours its statistics are of."""
 
 
-class LeRobotEpisode(NamedTuple):
-    """An episode, step by step: what is observed, and what is then done."""
-
-    states: np.ndarray
-    """(T, n)"""
-    actions: np.ndarray
-    """(T, m)"""
-    rewards: np.ndarray
-    """(T,)"""
-    pictures: np.ndarray | None
-    """(T, height, width, 3), RGB; None: the dataset has none."""
-
-
-def write_lerobot_dataset(out: Path, episodes: list[LeRobotEpisode], *, fps: float, task: str, robot: str,
-                          state_names: list[str], action_names: list[str]) -> None:
+def write_lerobot_dataset(out: Path, episodes: Sequence[PlayedDemonstration], *, fps: float, task: str, robot: str,
+                          state: str) -> None:
     """Write a dataset as the folder `out`, whole or not at all.
 
-    fps: decisions per second. task: what is done, in words. Raises mpm.InvalidValue where `out` exists.
+    fps: decisions per second. task: what is done, in words. state: layout of the observations. Raises mpm.InvalidValue
+    where `out` exists.
     """
     if out.exists():
         raise mpm.InvalidValue(f"--out {out}: exists; accepted: a new folder")
     unfinished = temporary_path(out)
     try:
-        _write(unfinished, episodes, fps, task, robot, state_names, action_names)
+        _write(unfinished, episodes, fps, task, robot, state)
         unfinished.replace(out)
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
 
 
-def _write(root: Path, episodes: list[LeRobotEpisode], fps: float, task: str, robot: str, state_names: list[str],
-           action_names: list[str]) -> None:
+def _write(root: Path, episodes: Sequence[PlayedDemonstration], fps: float, task: str, robot: str, state: str) -> None:
+    first = episodes[0].transitions[0]
     features: dict[str, Any] = {
-        "observation.state": _feature("float32", len(state_names), state_names),
-        "action": _feature("float32", len(action_names), action_names),
-        "next.reward": _feature("float32", 1), "next.done": _feature("bool", 1)}
+        "observation.state": _feature("float32", [f"{state}_{k}" for k in range(len(first.observation))]),
+        "action": _feature("float32", [f"velocity_{k}" for k in range(len(first.action))]),
+        "next.reward": _feature("float32"), "next.done": _feature("bool")}
     if episodes[0].pictures is not None:
         _, height, width, _ = episodes[0].pictures.shape
-        write_film(root / "videos" / CAMERA / f"{CHUNK}.mp4", [e.pictures for e in episodes if e.pictures is not None],
-                   fps)
+        with Mp4Writer(root / "videos" / CAMERA / f"{CHUNK}.mp4", fps, keyframes=2) as film:
+            for episode in episodes:
+                for picture in episode.pictures if episode.pictures is not None else ():
+                    film.add(picture)
         features[CAMERA] = {"dtype": "video", "shape": [height, width, 3], "names": ["height", "width", "channels"],
                             "info": {"video.height": height, "video.width": width, "video.codec": "h264",
                                      "video.pix_fmt": "yuv420p", "video.is_depth_map": False, "video.fps": fps,
                                      "video.channels": 3, "has_audio": False}}
-    features |= {name: _feature(kind, 1) for name, kind in INDICES.items()}
+    features |= {name: _feature(kind) for name, kind in INDICES.items()}
     columns, rows, begun = {name: [] for name in features if name != CAMERA}, [], 0
     every: list[dict[str, Any]] = []
     for k, episode in enumerate(episodes):
-        n = len(episode.actions)
-        values = {
-            "observation.state": episode.states, "action": episode.actions, "next.reward": episode.rewards,
-            "next.done": np.arange(n) == n - 1, "timestamp": np.arange(n) / fps, "frame_index": np.arange(n),
-            "episode_index": np.full(n, k), "index": begun + np.arange(n), "task_index": np.zeros(n, int)}
+        steps, n = episode.transitions, len(episode.transitions)
+        values = {name: np.asarray(part, features[name]["dtype"]) for name, part in {
+            "observation.state": [t.observation for t in steps], "action": [t.action for t in steps],
+            "next.reward": [t.reward for t in steps], "next.done": np.arange(n) == n - 1,
+            "timestamp": np.arange(n) / fps, "frame_index": np.arange(n), "episode_index": np.full(n, k),
+            "index": begun + np.arange(n), "task_index": np.zeros(n)}.items()}
         for name, part in values.items():
-            columns[name].append(np.asarray(part, features[name]["dtype"]))
+            columns[name].append(part)
         stats = {name: summarize(part.reshape(n, -1).astype(float)) for name, part in values.items()}
         if episode.pictures is not None:
             stats[CAMERA] = summarize_pictures(episode.pictures)
@@ -113,8 +105,8 @@ def _write(root: Path, episodes: list[LeRobotEpisode], fps: float, task: str, ro
     (root / "meta" / "stats.json").write_text(json.dumps(merge(every), indent=4))
 
 
-def _feature(kind: str, size: int, names: list[str] | None = None) -> dict[str, Any]:
-    return {"dtype": kind, "shape": [size], "names": names}
+def _feature(kind: str, names: list[str] | None = None) -> dict[str, Any]:
+    return {"dtype": kind, "shape": [1 if names is None else len(names)], "names": names}
 
 
 def _column(values: np.ndarray, feature: dict[str, Any]) -> Any:
@@ -139,20 +131,6 @@ def _write_tasks(path: Path, task: str) -> None:
          "metadata": None}], "pandas_version": "2.0.0"}
     path.parent.mkdir(parents=True, exist_ok=True)
     pq.write_table(table.replace_schema_metadata({"pandas": json.dumps(index)}), path)
-
-
-def write_film(path: Path, parts: list[np.ndarray], fps: float) -> None:
-    """Write pictures (T, height, width, 3) of all episodes, one after the other, as a film in H.264."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with av.open(str(path), "w") as file:
-        height, width = parts[0].shape[1:3]
-        stream = file.add_stream("libx264", rate=Fraction(fps).limit_denominator(1000),
-                                 options={"crf": "20", "preset": "veryfast", "g": "2"})
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        for pictures in parts:
-            for picture in pictures:
-                file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-        file.mux(stream.encode())
 
 
 def summarize(values: np.ndarray) -> dict[str, list[Any]]:

@@ -18,19 +18,19 @@ DIFFERENCE = 1e-3
 class MotionLoss:
     """The loss of actions (decisions, dimensions) that a sub-task's environment is driven with.
 
-    env: the unwrapped environment. limit: of `mpm.Rollout`. arm_weight: weight of the penalty on motions beyond the
-    arm's limits.
+    env: the unwrapped environment. arm_weight: weight of the penalty on motions beyond the arm's limits. rollout:
+    options of `mpm.Rollout`.
     """
 
-    def __init__(self, env: Any, action_repeat: int, *, limit: float | None = None, arm_weight: float = 0.0) -> None:
+    def __init__(self, env: Any, action_repeat: int, *, arm_weight: float = 0.0, **rollout: Any) -> None:
         self.env, self.actions = env, ActionRepeat(env.task, action_repeat)
-        self._limit, self._arm_weight, self._objective = limit, arm_weight, env.objective()
+        self._options, self._arm_weight, self._objective = rollout, arm_weight, env.objective()
         self._start_pose: Any = None
 
     @cached_property
     def rollout(self) -> Any:
         """The differentiable rollout of a whole episode; its memory is allocated at first use."""
-        return self.env.rollout(limit=self._limit)
+        return self.env.rollout(**self._options)
 
     @cached_property
     def reach(self) -> Any:
@@ -82,6 +82,10 @@ class MotionLoss:
         for direction in (gradient, *(rng.standard_normal(gradient.shape) for _ in range(DIRECTIONS))):
             largest = np.abs(direction).max()
             unit = direction / largest if largest > 0 else direction
-            above, below = (self.value(actions + s * unit) for s in (DIFFERENCE, -DIFFERENCE))
-            rows.append((float(np.sum(gradient * unit)), (above - below) / (2.0 * DIFFERENCE)))
+            rows.append((float(np.sum(gradient * unit)), self.difference(actions, unit, DIFFERENCE)))
         return np.array(rows)
+
+    def difference(self, actions: np.ndarray, direction: np.ndarray, step: float) -> float:
+        """Return the central difference of the loss along a direction. Raises mpm.SimulationDiverged."""
+        above, below = (self.value(actions + s * direction) for s in (step, -step))
+        return (above - below) / (2.0 * step)

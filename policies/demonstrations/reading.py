@@ -1,11 +1,12 @@
 """Reading demonstrations: their files, actions and starts, checked against the task."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 import mpm
-from mpm.array_files import StoredArrays, read_arrays
+from mpm.array_files import read_arrays
 
 MAX_REPEAT = 10_000
 """Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
@@ -13,15 +14,23 @@ MAX_SEED = 2**63 - 1
 """Largest seed: files hold them as 64-bit integers."""
 
 
-def read_demonstrations(folder: Path, decisions: int, action_repeat: int, dimensions: int,
-                        task: str = "") -> dict[str, np.ndarray]:
-    """Return the actions (decisions, dimensions) of every demonstration of a folder, or of one file, by file name.
+class Demonstration(NamedTuple):
+    """A motion, with the seed and the options of the reset that it begins with."""
 
-    Raises:
-        mpm.InvalidValue: there is none, or one does not fit the task.
+    name: str
+    """Of its file."""
+    actions: np.ndarray
+    """(decisions, dimensions)"""
+    seed: int
+    options: dict[str, bool]
+
+
+def read_demonstrations(folder: Path, decisions: int, action_repeat: int, dimensions: int,
+                        task: str = "") -> list[Demonstration]:
+    """Read every demonstration of a folder, or of one file; raises mpm.InvalidValue for none, or one that does not fit.
     """
-    return {path.name: read_actions(path, decisions, action_repeat, dimensions, task)
-            for path in demonstration_paths(folder)}
+    return [Demonstration(path.name, read_actions(path, decisions, action_repeat, dimensions, task), *read_start(path))
+            for path in demonstration_paths(folder)]
 
 
 def demonstration_paths(folder: Path) -> list[Path]:
@@ -44,21 +53,16 @@ def read_start(path: Path) -> tuple[int, dict[str, bool]]:
     return seed, {"nominal": bool(stored.integer("nominal", 1, 0, 1))}
 
 
-def read_action_repeat(stored: StoredArrays, default: int) -> int:
-    """Return the action_repeat of a stored motion."""
-    return stored.integer("action_repeat", default, 1, MAX_REPEAT)
-
-
 def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int, task: str = "") -> np.ndarray:
     """Return the actions (decisions, dimensions) of one file, repeated where its own action_repeat is longer.
 
-    Raises:
-        mpm.InvalidValue: the file is no motion, or does not fit the task.
+    Raises mpm.InvalidValue for a file that is no motion, or does not fit the task.
     """
     try:
         stored = read_arrays(path)
         actions = stored["actions"]
-        stored_repeat, stored_task = read_action_repeat(stored, action_repeat), stored.text("task", task)
+        stored_repeat = stored.integer("action_repeat", action_repeat, 1, MAX_REPEAT)
+        stored_task = stored.text("task", task)
     except (OSError, ValueError, KeyError) as error:
         raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
     if task and stored_task != task:

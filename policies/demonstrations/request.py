@@ -8,6 +8,7 @@ import numpy as np
 import mpm
 from mpm.array_files import StoredArrays, read_arrays
 from policies.learning.environments import fingerprint, make_environment
+from policies.learning.options import SearchOptions
 
 CLAY = "clay"
 """Material of the search where the tool is empty at the start. A fluid's surface lies below the rim of a level spoon
@@ -34,21 +35,7 @@ class DemonstrationRequest(NamedTuple):
     """(decisions, dimensions), where the search begins."""
     fixed: int
     """Number of first actions that the search does not change."""
-    method: str
-    """"descent" or "cmaes"."""
-    iterations: int
-    """Largest number of iterations of a demonstration."""
-    rate: float
-    """Largest step of an iteration, in actions of -1 to 1."""
-    action_repeat: int
-    limit: float | None
-    """Bound on the entries of the state's adjoint in every substep; None: no bound."""
-    arm_weight: float
-    """Weight of the penalty on motions beyond the arm's limits; 0: no penalty."""
-    seed: int
-    """Seed of demonstration 0's start; demonstration k has seed + k."""
-    nominal: bool
-    """Whether demonstration 0 begins at the task's own start instead."""
+    options: SearchOptions
 
     @property
     def name(self) -> str:
@@ -65,23 +52,23 @@ class DemonstrationRequest(NamedTuple):
 
     def reset_arguments(self, k: int) -> dict[str, Any]:
         """Return the arguments of the environment's reset for demonstration k."""
-        return {"seed": self.seed + k, "options": {"nominal": self.nominal and k == 0}}
+        return {"seed": self.options.seed + k, "options": {"nominal": self.options.nominal and k == 0}}
 
     def fingerprint(self, k: int, env: Any) -> str:
         """Return a digest of all that demonstration k depends on."""
-        return fingerprint(env, self.material, self.action_repeat, self.limit, self.reset_arguments(k), self.rate,
-                           self.first_actions.tolist(), self.fixed, self.method, self.arm_weight)
+        o = self.options
+        return fingerprint(env, self.material, o.action_repeat, o.limit, self.reset_arguments(k), o.rate,
+                           self.first_actions.tolist(), self.fixed, o.method, o.arm_weight)
 
     def make_environment(self, **options: Any) -> Any:
         """Make the task's environment with the demonstrations' action_repeat."""
-        return make_environment(self.task, action_repeat=self.action_repeat, **options).unwrapped
+        return make_environment(self.task, action_repeat=self.options.action_repeat, **options).unwrapped
 
 
-def load_stored(path: Path, expected: str, required: str) -> StoredArrays | None:
+def load_stored(path: Path, expected: str) -> StoredArrays | None:
     """Return the arrays that an earlier call stored with the fingerprint `expected`, or None without a file.
 
-    Raises:
-        mpm.InvalidValue: the file cannot be read, has another fingerprint, or lacks the array `required`.
+    Raises mpm.InvalidValue for a file that cannot be read, has another fingerprint, or lacks the losses.
     """
     if not path.is_file():
         return None
@@ -93,9 +80,9 @@ def load_stored(path: Path, expected: str, required: str) -> StoredArrays | None
         raise mpm.InvalidValue(f"{path}: made for another scene, task, material, method, seed or start (fingerprint "
                                f"{arrays.text('fingerprint', 'none')}, now {expected}); give another --out, or remove "
                                f"it")
-    if required not in arrays:
-        raise mpm.InvalidValue(f"{path}: has no array {required!r}; give another --out, or remove it")
-    losses, norms = arrays.get("losses", np.zeros(0)), arrays.get("norms", np.zeros((0, 2)))
+    if "losses" not in arrays:
+        raise mpm.InvalidValue(f"{path}: has no array 'losses'; give another --out, or remove it")
+    losses, norms = arrays["losses"], arrays.get("norms", np.zeros((0, 2)))
     if losses.ndim != 1 or losses.dtype.kind not in "iuf" or norms.shape[1:] != (2,) or norms.dtype.kind not in "iuf":
         raise mpm.InvalidValue(f"{path}: losses have shape {losses.shape}, norms {norms.shape}; accepted: numbers of "
                                f"shapes (n,) and (n, 2); remove it")

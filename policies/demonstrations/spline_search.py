@@ -29,14 +29,12 @@ def fit_knots(actions: np.ndarray, knots: int) -> np.ndarray:
 class SplineSearch:
     """A search for actions (n, k) of least loss, one motion of a generation at a time.
 
-    The first `fixed` rows are not changed. A `policies.demonstrations.generator.Search`.
-
-    Raises:
-        mpm.InvalidValue: the package cma is not installed.
+    The first `fixed` rows are not changed. Raises mpm.InvalidValue where the package cma is not installed.
     """
 
     uses_gradient: ClassVar[bool] = False
     check_every: ClassVar[int] = POPULATION
+    """Iterations between two checks of convergence."""
 
     def __init__(self, first: np.ndarray, seed: int, fixed: int = 0) -> None:
         try:

@@ -83,7 +83,7 @@ def write_table(request: DemonstrationRequest, n: int, env: Any, *, arm: bool) -
                 row["arm demands"] = str(error)
         rows.append(row | scores)
         write_json(request.out / "demonstrations.json", {"task": request.name, "material": request.material,
-                                                         "method": request.method, "demonstrations": rows})
+                                                         "method": request.options.method, "demonstrations": rows})
         print_row(row, scores)
 
 
@@ -91,7 +91,7 @@ def arm_demands(generator: DemonstrationGenerator, start: dict[str, Any], action
     """Return what a motion from a start demands of the arm's joints; see `robosim.envs.reach.Reach.readings`."""
     env = generator.env
     env.reset(**start)
-    pose, motion = env.solver.collider_pose(0), ActionRepeat(env.task, generator.request.action_repeat)
+    pose, motion = env.solver.collider_pose(0), ActionRepeat(env.task, generator.options.action_repeat)
     motion.set_start(pose.position)
     return generator.loss.reach.readings(pose, *motion.to_twists(actions))
 

@@ -11,16 +11,7 @@ import torch
 from mpm.geometry.rigid_motion import Pose
 from mpm.rollout.tool_twists import integrate_twists
 from policies.demonstrations.action_repeat import ActionRepeat
-from policies.dynamics.graph_network import (
-    Graph,
-    GraphNetwork,
-    Solid,
-    batch_graphs,
-    get_weights,
-    make_graph,
-    make_network,
-    measure_scales,
-)
+from policies.dynamics.graph_network import Graph, GraphNetwork, batch_graphs, make_graph, measure_scales
 from policies.dynamics.rollout_files import Rollouts
 from policies.learning.presets import GraphSizes
 from robosim.base.progress import Progress
@@ -40,10 +31,11 @@ TEST_FRAME_EVERY = 5
 class GraphModel:
     """A graph network, its units, and the rigid bodies of its scene.
 
-    floor: height [m] of the table.
+    surfaces: points of the tool and of the fixed bodies, as of `sample_surfaces`. floor: height [m] of the table.
     """
 
-    def __init__(self, sizes: GraphSizes, rollouts: Rollouts, solids: list[Solid], floor: float, seed: int) -> None:
+    def __init__(self, sizes: GraphSizes, rollouts: Rollouts, surfaces: tuple[np.ndarray, np.ndarray], floor: float,
+                 seed: int) -> None:
         torch.manual_seed(seed)
         indices = range(len(rollouts.grains))
         self.training_set = [k for k in indices if k % TEST_EVERY]
@@ -52,10 +44,7 @@ class GraphModel:
         self.scales = measure_scales([rollouts.grains[k] for k in self.training_set])
         self.network = GraphNetwork(sizes)
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=sizes.learning_rate)
-        self.tool = next(solid.points for solid in solids if solid.moves)
-        """Points of the tool in its own frame [m], (m, 3)."""
-        self.fixed = np.concatenate([np.zeros((0, 3)), *(s.points for s in solids if not s.moves)])
-        """Points of the fixed bodies [m], (k, 3)."""
+        self.tool, self.fixed = surfaces
         self.updates = 0
         self.losses: deque[float] = deque(maxlen=100)
         """Losses of the last updates."""
@@ -112,17 +101,15 @@ class GraphModel:
 
     def state(self) -> dict[str, Any]:
         """Return what the next update depends on."""
-        return {"weights": get_weights(self.network), "optimiser": copy.deepcopy(self.optimiser.state_dict()),
+        return {"weights": self.network.weights(), "optimiser": copy.deepcopy(self.optimiser.state_dict()),
                 "updates": self.updates, "losses": list(self.losses), "rng": self._rng.bit_generator.state}
 
     def load(self, state: dict[str, Any]) -> None:
         """Restore a state."""
-        self.network = make_network(self.sizes, state["weights"])
-        self.optimiser = torch.optim.Adam(self.network.parameters(), lr=self.sizes.learning_rate)
+        self.network.load_state_dict({name: torch.as_tensor(value) for name, value in state["weights"].items()})
         self.optimiser.load_state_dict(state["optimiser"])
         self.updates = state["updates"]
-        self.losses.clear()
-        self.losses.extend(state["losses"])
+        self.losses = deque(state["losses"], maxlen=100)
         self._rng.bit_generator.state = state["rng"]
 
     # prediction ------------------------------------------------------------------------------------------------------

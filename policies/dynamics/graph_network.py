@@ -80,6 +80,10 @@ class GraphNetwork(nn.Module):
             nodes = nodes + node_update(torch.cat((nodes, messages), 1))
         return self.decoder(nodes[graph.grains])
 
+    def weights(self) -> dict[str, np.ndarray]:
+        """Return copies of the weights."""
+        return {name: value.detach().numpy().copy() for name, value in self.state_dict().items()}
+
 
 def make_graph(grains: np.ndarray, moving: np.ndarray, fixed: np.ndarray, moving_next: np.ndarray, scales: Scales,
                sizes: GraphSizes, floor: float) -> Graph:
@@ -126,34 +130,13 @@ def measure_scales(rollouts: list[np.ndarray]) -> Scales:
                   changes.mean(0), changes.std(0) + 1e-9)
 
 
-def get_weights(network: GraphNetwork) -> dict[str, np.ndarray]:
-    """Return copies of the network's weights."""
-    return {name: value.detach().numpy().copy() for name, value in network.state_dict().items()}
-
-
-def make_network(sizes: GraphSizes, weights: dict[str, Any]) -> GraphNetwork:
-    """Return a network with given weights."""
-    network = GraphNetwork(sizes)
-    network.load_state_dict({name: torch.as_tensor(value) for name, value in weights.items()})
-    return network
-
-
-class Solid(NamedTuple):
-    """A rigid body."""
-
-    points: np.ndarray
-    """(n, 3) near its surface [m], in its own frame if it moves, else in world axes."""
-    moves: bool
-
-
-def sample_solids(env: Any) -> list[Solid]:
-    """Return the rigid bodies of an environment's scene: the tool, which moves, and the fixed ones."""
-    solids, rng = [], np.random.default_rng(0)
+def sample_surfaces(env: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return points near the surface of the tool (m, 3) [m], in its own frame, and of the fixed bodies (k, 3) [m]."""
+    surfaces, rng = [], np.random.default_rng(0)
     for index, collider in enumerate(env.solver.colliders):
         lower, upper = collider.sdf.bounds
         samples = rng.uniform(lower, upper, (SAMPLES, 3))
         is_near = np.abs(collider.sdf.distance(samples)) < NEAR_SURFACE * np.linalg.norm(upper - lower)
         points = samples[is_near][:POINTS]
-        pose = env.solver.collider_pose(index)
-        solids.append(Solid(points if index == 0 else pose.apply(points), index == 0))
-    return solids
+        surfaces.append(env.solver.collider_pose(index).apply(points) if index else points)
+    return surfaces[0], np.concatenate([np.zeros((0, 3)), *surfaces[1:]])

@@ -51,8 +51,7 @@ def write_description(folder: Path, env: Any, seed: int) -> None:
 def read_rollouts(folder: Path, env: Any) -> Rollouts:
     """Return all rollouts of a folder with two frames or more.
 
-    Raises:
-        mpm.InvalidValue: the folder holds fewer than two, or they are of another environment.
+    Raises mpm.InvalidValue where the folder holds fewer than two, or they are of another environment.
     """
     now = describe_environment(env)
     try:

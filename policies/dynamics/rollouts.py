@@ -1,17 +1,18 @@
 """`robosim rollouts`: rollouts of the simulator with various starts and motions, for a network to learn from."""
 
+from contextlib import ExitStack
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import mpm
 from mpm.files import write
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import sample_spline
 from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
 from policies.learning.environments import make_environment
+from policies.learning.options import check_at_least
 from robosim.base.jobs import worker_pool
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
@@ -25,33 +26,21 @@ def make_rollouts(task: str, out: Path, *, episodes: int = 200, material: str | 
                   seed: int = 0, jobs: int = 1) -> int:
     """Make rollouts 0 to episodes - 1 in a folder, where they are missing; return 0.
 
-    Raises:
-        mpm.InvalidValue: an argument is outside its range, or the folder holds other rollouts.
+    Raises mpm.InvalidValue for an argument outside its range, or a folder with other rollouts.
     """
-    if min(episodes, action_repeat, jobs) < 1 or seed < 0:
-        raise mpm.InvalidValue(f"--episodes {episodes}, --action-repeat {action_repeat}, --jobs {jobs}, --seed {seed}; "
-                               f"accepted: 1 or more, the seed 0 or more")
-    env: Any = make_environment(task, material=material, action_repeat=action_repeat).unwrapped
-    with OutputFolder(out):
+    check_at_least(1, {"--episodes": episodes, "--action-repeat": action_repeat, "--jobs": jobs})
+    check_at_least(0, {"--seed": seed})
+    made_with = task, material, action_repeat
+    env = cached_environment(*made_with)
+    with OutputFolder(out), ExitStack() as stack:
         write_description(out, env, seed)
-        _make_missing(out, env, material, episodes=episodes, seed=seed, jobs=jobs)
+        missing = [k for k in range(episodes) if not rollout_path(out, k).is_file()]
+        work = partial(make_rollout, made_with, out, seed)
+        made = (map if jobs == 1 else stack.enter_context(worker_pool(jobs)).map)(work, missing)
+        for _ in Progress(made, initial=episodes - len(missing), total=episodes, desc="rollouts", unit="episodes"):
+            pass
     print(f"{out}: {episodes} rollouts of up to {-(-env.task.steps // action_repeat) + 1} frames")
     return 0
-
-
-def _make_missing(out: Path, env: Any, material: str | None, *, episodes: int, seed: int, jobs: int) -> None:
-    missing = [k for k in range(episodes) if not rollout_path(out, k).is_file()]
-    progress = Progress(initial=episodes - len(missing), total=episodes, desc="rollouts", unit="episodes")
-    if jobs == 1:
-        for k in missing:
-            make_rollout(env, out, seed, k)
-            progress.update()
-    else:
-        with worker_pool(jobs) as pool:
-            work = partial(_make_in_worker, env.source, material, env.action_repeat, out, seed)
-            for _ in pool.map(work, missing):
-                progress.update()
-    progress.close()
 
 
 @cache
@@ -60,13 +49,12 @@ def cached_environment(task: str, material: str | None, action_repeat: int) -> A
     return make_environment(task, material=material, action_repeat=action_repeat).unwrapped
 
 
-def _make_in_worker(task: str, material: str | None, action_repeat: int, out: Path, seed: int, k: int) -> None:
-    make_rollout(cached_environment(task, material, action_repeat), out, seed, k)
+def make_rollout(made_with: tuple[str, str | None, int], out: Path, seed: int, k: int) -> None:
+    """Make rollout k: grains (frames, n, 3) [m] and tool poses (frames, 7), in world axes.
 
-
-def make_rollout(env: Any, out: Path, seed: int, k: int) -> None:
-    """Make rollout k: grains (frames, n, 3) [m] and tool poses (frames, 7), in world axes."""
-    rng = np.random.default_rng([seed, k])
+    made_with: arguments of `cached_environment`.
+    """
+    env, rng = cached_environment(*made_with), np.random.default_rng([seed, k])
     observation, _ = env.reset(seed=int(rng.integers(2**31)), options={"nominal": bool(rng.integers(2))})
     grains, poses = [grain_positions(env)], [tool_pose(env)]
     for step in continue_episode(env, random_motion(env, rng), observation):

@@ -3,10 +3,13 @@
 Source of the idea: Oh et al. 2018, Self-Imitation Learning.
 """
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import torch
+
+from policies.learners.buffers import map_parts
 
 
 class BestEpisode:
@@ -23,30 +26,22 @@ class BestEpisode:
         """Buffer and environment -> rows of the episode that goes on."""
 
     def follow(self, buffers: Any) -> None:
-        """Look at the rows that were added."""
-        for name in self._seen:
-            self._follow(name, getattr(buffers, name))
-
-    def _follow(self, name: str, buffer: Any) -> None:
-        size = buffer.buffer_size
-        added = (buffer.pos - self._seen[name]) % size
-        for row in range(self._seen[name], self._seen[name] + added):
-            for k in range(buffer.n_envs):
+        """Take over the rows that were added."""
+        for name, seen in self._seen.items():
+            buffer = getattr(buffers, name)
+            added = np.arange(seen, seen + (buffer.pos - seen) % buffer.buffer_size) % buffer.buffer_size
+            for row, k in product(added.tolist(), range(buffer.n_envs)):
                 rows = self._begun.setdefault((name, k), [])
-                rows.append(row % size)
-                if buffer.dones[row % size, k]:
-                    self._judge(buffer, rows, k)
+                rows.append(row)
+                if buffer.dones[row, k]:
+                    total = float(buffer.rewards[rows, k].sum())
+                    if total > self.best:
+                        self.best = total
+                        self._observations, self._actions = (
+                            map_parts(lambda part: torch.as_tensor(part[rows, k].copy()), whole)  # noqa: B023
+                            for whole in (buffer.observations, buffer.actions))
                     rows.clear()
-        self._seen[name] = buffer.pos
-
-    def _judge(self, buffer: Any, rows: list[int], k: int) -> None:
-        total = float(buffer.rewards[rows, k].sum())
-        if total > self.best:
-            self.best = total
-            seen = buffer.observations
-            self._observations = {key: torch.as_tensor(part[rows, k].copy()) for key, part in seen.items()} \
-                if isinstance(seen, dict) else torch.as_tensor(seen[rows, k].copy())
-            self._actions = torch.as_tensor(buffer.actions[rows, k].copy())
+            self._seen[name] = buffer.pos
 
     def distance(self, actor: Any) -> torch.Tensor:
         """Return the mean square of an actor's distance from the episode's actions; zero before there is one."""

@@ -3,7 +3,7 @@
 Source: arXiv 2406.09178, Algorithm 3.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -24,10 +24,8 @@ class DemoReplayBuffer(ReplayBuffer):
 
     A fraction `demo_fraction` of each batch is demonstrations; the whole batch, while the agent has no transitions.
     Without demonstrations, batches are those of an ordinary buffer, drawn with the same random numbers. Transitions
-    added within `demonstrating()` are demonstrations. Observations are arrays or, in a Dict space, dictionaries.
-
-    Raises:
-        mpm.InvalidValue: demo_fraction outside 0 to 1.
+    added within `demonstrating()` are demonstrations. Observations are arrays or, in a Dict space, dictionaries. Raises
+    mpm.InvalidValue for a demo_fraction outside 0 to 1.
     """
 
     def __init__(self, buffer_size: int, observation_space: spaces.Space, action_space: spaces.Space, *args: Any,
@@ -60,7 +58,7 @@ class DemoReplayBuffer(ReplayBuffer):
             self.own.add(*transitions)
             return
         for k in range(len(transitions[-1])):
-            self.demo.add(*(select_row(part, k) for part in transitions))
+            self.demo.add(*(map_parts(lambda part: part[k : k + 1], part) for part in transitions))  # noqa: B023
 
     def size(self) -> int:
         """Return the number of transitions in both buffers."""
@@ -100,19 +98,17 @@ class DemoReplayBuffer(ReplayBuffer):
         self._target = self.own
 
 
-def select_row(part: Any, k: int) -> Any:
-    """Return a row of an array, a list or a dictionary of arrays, with a leading index of size one."""
-    return {key: value[k : k + 1] for key, value in part.items()} if isinstance(part, dict) else part[k : k + 1]
+def map_parts(function: Callable[..., Any], first: Any, *others: Any) -> Any:
+    """Return a function of arrays, or of each part of dictionaries of arrays with the same keys."""
+    if isinstance(first, dict):
+        return {key: function(part, *(other[key] for other in others)) for key, part in first.items()}
+    return function(first, *others)
 
 
 def concatenate(own: Any, demo: Any) -> Any:
     """Return two batches as one; their fields are tensors, dictionaries of tensors, or None."""
-    def join(a: Any, b: Any) -> Any:
-        if a is None or b is None:
-            return None
-        return {key: torch.cat((a[key], b[key])) for key in a} if isinstance(a, dict) else torch.cat((a, b))
-
-    return type(own)(*(join(a, b) for a, b in zip(own, demo)))
+    return type(own)(*(None if a is None or b is None else map_parts(lambda *both: torch.cat(both), a, b)
+                       for a, b in zip(own, demo)))
 
 
 def trim(buffer: ReplayBuffer) -> tuple[type, dict[str, Any], int]:
@@ -120,11 +116,8 @@ def trim(buffer: ReplayBuffer) -> tuple[type, dict[str, Any], int]:
     rows = buffer.size()
     state = dict(buffer.__dict__)
     for name in ARRAYS:
-        value = state.get(name)
-        if isinstance(value, dict):
-            state[name] = {key: array[:rows] for key, array in value.items()}
-        elif value is not None:
-            state[name] = value[:rows]
+        if state.get(name) is not None:
+            state[name] = map_parts(lambda array: array[:rows], state[name])
     return type(buffer), state, buffer.buffer_size
 
 
@@ -136,11 +129,8 @@ def restore(kind: Any, state: dict[str, Any], capacity: int) -> Any:
         return padded
 
     for name in ARRAYS:
-        value = state.get(name)
-        if isinstance(value, dict):
-            state[name] = {key: pad(array) for key, array in value.items()}
-        elif value is not None:
-            state[name] = pad(value)
+        if state.get(name) is not None:
+            state[name] = map_parts(pad, state[name])
     buffer = kind.__new__(kind)
     vars(buffer).update(state)
     return buffer
@@ -155,7 +145,8 @@ def prefill_demo_buffer(model: Any, transitions: Iterable[Transition], updates: 
     for part in ([step] for step in transitions) if updates else [list(transitions)]:
         with model.replay_buffer.demonstrating():
             model.replay_buffer.add(
-                batched([step.observation for step in part]), batched([step.next_observation for step in part]),
+                *(map_parts(lambda *rows: np.array(rows), *seen) for seen in (
+                    [step.observation for step in part], [step.next_observation for step in part])),
                 model.policy.scale_action(np.array([step.action for step in part])),
                 np.array([step.reward for step in part], np.float32), np.array([step.done for step in part]),
                 [step.info for step in part])
@@ -163,10 +154,3 @@ def prefill_demo_buffer(model: Any, transitions: Iterable[Transition], updates: 
             model.train(updates, model.batch_size)
         count += len(part)
     return count
-
-
-def batched(observations: list[Any]) -> Any:
-    """Return observations, arrays or dictionaries of arrays, as one with a leading index."""
-    if isinstance(observations[0], dict):
-        return {key: np.array([one[key] for one in observations]) for key in observations[0]}
-    return np.array(observations)

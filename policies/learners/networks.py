@@ -34,6 +34,11 @@ def embedding(size: int, width: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(size, width), nn.LayerNorm(width), nn.ReLU())
 
 
+def cut_out(observations: torch.Tensor, part: slice) -> torch.Tensor:
+    """Return observations (batch, n) without a part."""
+    return torch.cat((observations[:, : part.start], observations[:, part.stop :]), 1)
+
+
 class PartsEncoder(BaseFeaturesExtractor):
     """Embeds all grains in one layer and the rest of the observation in another, and joins them.
 
@@ -49,9 +54,8 @@ class PartsEncoder(BaseFeaturesExtractor):
 
     def forward(self, observations: torch.Tensor) -> Any:
         """Map (batch, observation) to (batch, features)."""
-        part = self._grains
-        rest = torch.cat((observations[:, : part.start], observations[:, part.stop :]), 1)
-        return torch.cat((self._of_grains(observations[:, part]), self._of_rest(rest)), 1)
+        rest = cut_out(observations, self._grains)
+        return torch.cat((self._of_grains(observations[:, self._grains]), self._of_rest(rest)), 1)
 
 
 class SetEncoder(BaseFeaturesExtractor):
@@ -69,13 +73,12 @@ class SetEncoder(BaseFeaturesExtractor):
         rest = space.shape[0] - (grains.stop - grains.start)
         super().__init__(space, self.POOLS * width + rest)
         self._grains, self._tool = grains, slices["tool"]
-        self._each = nn.Sequential(nn.Linear(6, width), nn.LayerNorm(width), nn.ReLU(), nn.Linear(width, width),
-                                   nn.LayerNorm(width), nn.ReLU())
+        self._each = nn.Sequential(*embedding(6, width), *embedding(width, width))
 
     def _split(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return grains (batch, n, 6), positions and velocities, and the rest (batch, m)."""
         grains = observations[:, self._grains].reshape(len(observations), -1, 6)
-        return grains, torch.cat((observations[:, : self._grains.start], observations[:, self._grains.stop :]), 1)
+        return grains, cut_out(observations, self._grains)
 
 
 class PointNet(SetEncoder):

@@ -16,10 +16,8 @@ class SB3VecEnv(VecEnv):
 
     `SB3VecEnv(gymnasium.make_vec("robosim:robosim/SpoonPour-v0", num_envs=8))`
 
-    mode: the environment's autoreset mode, which only a subclass that starts episodes itself has another one of.
-
-    Raises:
-        mpm.InvalidValue: the environment does not reset in the same step (AutoresetMode.SAME_STEP), as robosim's do.
+    mode: the environment's autoreset mode, which only a subclass that starts episodes itself has another one of. Raises
+    mpm.InvalidValue for an environment that does not reset in the same step (AutoresetMode.SAME_STEP), as robosim's do.
     """
 
     def __init__(self, vector: gymnasium.vector.VectorEnv, mode: AutoresetMode = AutoresetMode.SAME_STEP) -> None:

@@ -56,10 +56,8 @@ def observation_units(env: Any, layout: str) -> tuple[np.ndarray, np.ndarray]:
             offset[part.start : part.start + 3], factor[part.start : part.start + 3] = goal, 1.0 / LENGTH
         elif name == "time":
             offset[part], factor[part] = 0.5, 2.0
-        elif name == "centre":
-            offset[part], factor[part] = goal, 1.0 / LENGTH
-        elif name == "extent":
-            offset[part], factor[part] = np.tile(goal, 2), 1.0 / LENGTH
+        elif name in ("centre", "extent"):
+            offset[part], factor[part] = np.tile(goal, (part.stop - part.start) // 3), 1.0 / LENGTH
         elif name in ("from_goal", "in_tool_frame", "clearance"):
             factor[part] = 1.0 / LENGTH
         elif name == "covariance":
@@ -101,10 +99,7 @@ def zero_residual(model: Any, learner: str) -> None:
     """Initialise a policy to make no correction, with small noise.
 
     With the usual initialisation the first episodes would leave the motion that is to be corrected, and the critics
-    would learn from these alone.
-
-    Raises:
-        mpm.InvalidValue: the learner's policy has no state-dependent standard deviation.
+    would learn from these alone. Raises mpm.InvalidValue for a policy without a state-dependent standard deviation.
     """
     actor = getattr(model, "actor", None)
     if actor is None or not isinstance(getattr(actor, "log_std", None), nn.Linear):

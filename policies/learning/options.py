@@ -10,6 +10,13 @@ RATE = 0.05
 """Largest step of a search where no other is given, in actions of -1 to 1."""
 
 
+def check_at_least(least: int, numbers: dict[str, int]) -> None:
+    """Raise mpm.InvalidValue for the first of numbers by option that is below the least."""
+    for name, number in numbers.items():
+        if number < least:
+            raise mpm.InvalidValue(f"{name} {number}; accepted: {least} or more")
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrainingOptions:
     """How a run is made. Raises mpm.InvalidValue for numbers outside their range."""
@@ -37,10 +44,9 @@ class TrainingOptions:
     """Whether a folder that holds another run is continued."""
 
     def __post_init__(self) -> None:
-        for name, least in (("seed", 0), ("action_repeat", 1), ("n_envs", 1), ("checkpoint_every", 1),
-                            ("evaluate_every", 1)):
-            if getattr(self, name) < least:
-                raise mpm.InvalidValue(f"--{name.replace('_', '-')} {getattr(self, name)}; accepted: {least} or more")
+        check_at_least(0, {"--seed": self.seed})
+        check_at_least(1, {"--action-repeat": self.action_repeat, "--n-envs": self.n_envs,
+                           "--checkpoint-every": self.checkpoint_every, "--evaluate-every": self.evaluate_every})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +77,7 @@ class SearchOptions:
     """Whether demonstration 0 begins at the task's own start instead."""
 
     def __post_init__(self) -> None:
-        for name, number in (("--iterations", self.iterations), ("--action-repeat", self.action_repeat)):
-            if number < 1:
-                raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
+        check_at_least(1, {"--iterations": self.iterations, "--action-repeat": self.action_repeat})
         if self.seed < 0 or not 0 < self.rate <= 1 or not 0 <= self.arm_weight < math.inf:
             raise mpm.InvalidValue(f"--seed {self.seed}, --rate {self.rate}, --arm-weight {self.arm_weight}; accepted: "
                                    f"0 or more, above 0 up to 1, 0 or more")

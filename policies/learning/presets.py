@@ -159,16 +159,6 @@ class Preset(Table):
         return self.demonstrations is not None or self.residual is not None or self.learner in IMITATION
 
     @property
-    def accepts_demonstrations(self) -> bool:
-        """Whether the method uses demonstrations if there are some."""
-        return self.needs_demonstrations or self.learner in SEARCH
-
-    @property
-    def mixes_demonstrations(self) -> bool:
-        """Whether demonstrations can be mixed into the method's batches."""
-        return self.learner in OFF_POLICY and self.residual is None
-
-    @property
     def needs_rollouts(self) -> bool:
         """Whether the method learns from rollouts of the simulator."""
         return self.graph is not None
@@ -198,7 +188,7 @@ class Preset(Table):
         if self.encoder is not None and self.obs not in ("flat", "all"):
             raise ValueError(f"encoder {self.encoder} with obs {self.obs}; accepted: flat or all, which "
                              f"contain positions and velocities")
-        if self.demonstrations is not None and not self.mixes_demonstrations:
+        if self.demonstrations is not None and (self.learner not in OFF_POLICY or self.residual is not None):
             raise ValueError(f"demonstrations with learner {self.learner} and residual {self.residual}; accepted: with "
                              f"{', '.join(OFF_POLICY)}, without residual; remove `demonstrations`")
         if self.learner in ("BC", "GAIL") and self.obs == "dict":

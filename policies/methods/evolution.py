@@ -14,11 +14,7 @@ from robosim.episode.play import play
 
 
 def evolve(training: Training) -> None:
-    """Search generation by generation for the motion of highest return.
-
-    Raises:
-        mpm.InvalidValue: the run has fewer episodes than a generation.
-    """
+    """Search generation by generation for the motion of highest return; raises mpm.InvalidValue for less than one."""
     population, episodes = training.preset.options["population"], training.preset.episodes
     if episodes < population:
         raise mpm.InvalidValue(f"--episodes {episodes}; accepted: a generation or more, {population}")
@@ -40,8 +36,9 @@ def make_search(training: Training) -> Any:
 
     Options of the preset: knots, sigma (initial standard deviation of the actions), population.
     """
-    options, first = training.preset.options, training.demonstrations.first
-    knots = np.zeros((options["knots"], training.dimensions)) if first is None else fit_knots(first, options["knots"])
+    options, given = training.preset.options, training.demonstrations
+    knots = fit_knots(given[0].actions, options["knots"]) if given else \
+        np.zeros((options["knots"], training.dimensions))
     return cma.CMAEvolutionStrategy(knots.ravel(), options["sigma"], {
         "seed": training.seed + 1, "popsize": options["population"], "verbose": -9})  # seed 0 is the clock's
 
@@ -55,6 +52,6 @@ def replay(training: Training) -> None:
     """Play the demonstrations, one after the other."""
     if training.folder.checkpoint.is_file():
         training.resume(checkpoint.load(training.folder.checkpoint, None, None)[1])
-    for actions in list(training.demonstrations.motions.values())[training.env.count : training.preset.episodes]:
-        play(training.env, actions)
+    for demonstration in training.demonstrations[training.env.count : training.preset.episodes]:
+        play(training.env, demonstration.actions)
         training.keep_checkpoint()

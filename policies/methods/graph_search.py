@@ -6,6 +6,7 @@ Tuomainen et al. 2022.
 
 import math
 import pickle
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from mpm.geometry.rigid_motion import rotation_matrix
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import FAILED
 from policies.dynamics.graph_model import GraphModel
-from policies.dynamics.graph_network import get_weights, sample_solids
+from policies.dynamics.graph_network import sample_surfaces
 from policies.dynamics.rollout_files import grain_positions
 from policies.methods.evolution import make_search, to_motion
 from policies.runs import checkpoint
@@ -28,7 +29,7 @@ def plan(training: Training) -> None:
     """Train the graph model, then search with it."""
     env, sizes, rollouts = training.base.unwrapped, training.preset.graph, training.rollouts
     assert sizes is not None and rollouts is not None
-    model = GraphModel(sizes, rollouts, sample_solids(env), float(env.solver.grid.lower[2]), training.seed)
+    model = GraphModel(sizes, rollouts, sample_surfaces(env), float(env.solver.grid.lower[2]), training.seed)
     state: dict[str, Any] = {}
     if training.folder.checkpoint.is_file():
         _, state = checkpoint.load(training.folder.checkpoint, None, None)
@@ -36,17 +37,11 @@ def plan(training: Training) -> None:
         training.resume(state)
     if state.get("search") is None:
         model.train(lambda: training.save_checkpoint(graph_model=model.state(), search=None))
-        write_model(training, model)
+        write(training.folder.path / "network.npz", partial(np.savez, **model.network.weights()))
+        write_json(training.folder.path / "network.json", {
+            "sizes": sizes.model_dump(), "rollouts": len(rollouts.grains), "updates": model.updates,
+            "loss": float(np.mean(model.losses)), "errors": model.test_errors()})
     search_with(training, model, state.get("search"))
-
-
-def write_model(training: Training, model: GraphModel) -> None:
-    """Write the network's weights to network.npz, and its sizes and test errors to network.json."""
-    weights = get_weights(model.network)
-    write(training.folder.path / "network.npz", lambda path: np.savez(path, **weights))  # pyright: ignore[reportArgumentType]
-    write_json(training.folder.path / "network.json", {
-        "sizes": model.sizes.model_dump(), "rollouts": len(model.training_set) + len(model.test_set),
-        "updates": model.updates, "loss": float(np.mean(model.losses)), "errors": model.test_errors()})
 
 
 def search_with(training: Training, model: GraphModel, stored_search: bytes | None) -> None:

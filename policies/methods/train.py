@@ -4,13 +4,12 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pydantic
 
 import mpm
 from policies.learning.names import check_installed
-from policies.learning.options import TrainingOptions
+from policies.learning.options import TrainingOptions, check_at_least
 from policies.learning.presets import Preset, load_preset
 from robosim.config.settings import Setting
 
@@ -19,16 +18,16 @@ def train(method: str, task: str, out: Path, options: TrainingOptions, *, episod
           obs: str | None = None, settings: Sequence[Setting] = ()) -> int:
     """Run a method in a folder to its end; return 0. A finished run is not repeated.
 
-    episodes, obs: instead of the preset's. settings: in place of values of the method's file.
-
-    Raises:
-        robosim.ConfigError: the method or a setting is wrong.
-        mpm.InvalidValue: a package is missing, or options do not fit.
+    episodes, obs: instead of the preset's. settings: in place of values of the method's file. Raises ConfigError for a
+    wrong method or setting, mpm.InvalidValue for a missing package, or options that do not fit.
     """
     check_installed()
-    if episodes is not None and episodes < 1:
-        raise mpm.InvalidValue(f"--episodes {episodes}; accepted: 1 or more")
-    preset = prepare_preset(method, settings, episodes=episodes, obs=obs)
+    check_at_least(1, {} if episodes is None else {"--episodes": episodes})
+    given = {key: value for key, value in (("episodes", episodes), ("obs", obs)) if value is not None}
+    try:
+        preset = Preset(**{**load_preset(method, settings).model_dump(), **given})
+    except pydantic.ValidationError as error:
+        raise mpm.InvalidValue(f"method {method} with {given}: {error.errors()[0]['msg']}") from error
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     import torch  # heavy: only training loads it
 
@@ -59,13 +58,3 @@ def train(method: str, task: str, out: Path, options: TrainingOptions, *, episod
         arguments += [f"--material {options.material}"] if options.material else []
         print("to film it:", *arguments, "--out FOLDER")
     return 0
-
-
-def prepare_preset(method: str, settings: Sequence[Setting], **replaced: Any) -> Preset:
-    """Return a method's preset with values that are not None instead of its own."""
-    preset = load_preset(method, settings)
-    given = {key: value for key, value in replaced.items() if value is not None}
-    try:
-        return Preset(**{**preset.model_dump(), **given})
-    except pydantic.ValidationError as error:
-        raise mpm.InvalidValue(f"method {method} with {given}: {error.errors()[0]['msg']}") from error

@@ -3,7 +3,7 @@
 from collections import defaultdict
 from pathlib import Path
 from statistics import fmean
-from typing import Any, NamedTuple
+from typing import Any
 
 from policies.results.page import TextTable
 from policies.results.summary import Summaries
@@ -15,19 +15,6 @@ MATERIALS = {"policy": str, "rows": [{"task": str, "material": str, "score": flo
 """Form of materials.json."""
 TIMED_SETTINGS = ("material", "starts", "action_repeat", "max_episodes")
 """Columns that two runs must share for their seconds to be compared."""
-
-
-class Turn(NamedTuple):
-    """The turn of a method's tools, mean over its best motions."""
-
-    method: str
-    task: str
-    off_deg: float
-    """Mean error of the turn [deg]."""
-    asked_deg: float
-    """Required turn [deg]."""
-    published: str
-    """Published error, empty where there is none."""
 
 
 def make_further_tables(summaries: Summaries, rows: list[dict[str, Any]], sources: list[Path],
@@ -43,17 +30,20 @@ def make_further_tables(summaries: Summaries, rows: list[dict[str, Any]], source
                                   f"{published_gain[task]:.2f}" if task in published_gain else ""]
                                  for task, value in gain.items()]))
     if turns:
+        required, theirs = published["turn"]["asked_deg"], published["turn"]["dg_sac_deg"]
+
+        def error(degrees: float) -> list[str]:
+            return [f"{degrees:.1f}", f"{degrees / abs(required):.1%}"]
+
         tables.append(TextTable("error of the tool's turn in the motion with the highest return",
                                 ["method", "task", "error [deg]", "relative", "required [deg]",
                                  published["source"] + ", dg_sac"],
-                                [[turn.method, turn.task, f"{turn.off_deg:.1f}",
-                                  f"{turn.off_deg / abs(turn.asked_deg):.1%}", f"{turn.asked_deg:g}", turn.published]
-                                 for turn in turns]))
+                                [[turn["method"], turn["task"], *error(turn["off_deg"]), f"{required:g}",
+                                  "{} ({})".format(*error(abs(theirs[turn["task"]][0] - required)))
+                                  if turn["task"] in theirs else ""] for turn in turns]))
     if materials:
         tables.append(_tabulate_materials(materials))
-    return {"gain_of_down_sampling": gain, "materials": materials,
-            "turns": [{key: getattr(turn, key) for key in ("method", "task", "off_deg", "asked_deg")}
-                      for turn in turns]}, tables
+    return {"gain_of_down_sampling": gain, "materials": materials, "turns": turns}, tables
 
 
 def downsampling_gain(rows: list[dict[str, Any]]) -> dict[str, float]:
@@ -71,19 +61,11 @@ def downsampling_gain(rows: list[dict[str, Any]]) -> dict[str, float]:
     return {task: fmean(values) for task, values in ratios.items()}
 
 
-def tool_turns(summaries: Summaries, published: dict) -> list[Turn]:
-    """Return the turns of all methods and tasks whose tools have to turn."""
-    required, published_turns = published["turn"]["asked_deg"], published["turn"]["dg_sac_deg"]
-    turns = []
-    for method, tasks in summaries.items():
-        for task, figures in tasks.items():
-            if "turn_error_deg" in figures:
-                text = ""
-                if task in published_turns:
-                    turn = published_turns[task][0]
-                    text = f"{abs(turn - required):.1f} ({abs(turn / required - 1.0):.1%})"
-                turns.append(Turn(method, task, figures["turn_error_deg"]["mean"], required, text))
-    return turns
+def tool_turns(summaries: Summaries, published: dict) -> list[dict[str, Any]]:
+    """Return mean error and required turn [deg] of all methods and tasks whose tools have to turn."""
+    return [{"method": method, "task": task, "off_deg": figures["turn_error_deg"]["mean"],
+             "asked_deg": published["turn"]["asked_deg"]}
+            for method, tasks in summaries.items() for task, figures in tasks.items() if "turn_error_deg" in figures]
 
 
 def read_materials(sources: list[Path]) -> list[dict[str, Any]]:
@@ -103,15 +85,8 @@ def read_materials(sources: list[Path]) -> list[dict[str, Any]]:
 def _tabulate_materials(rows: list[dict[str, Any]]) -> TextTable:
     motions = sorted({(row["task"], row["policy"]) for row in rows})
     names = list(dict.fromkeys(row["material"] for row in rows))
-    by_key = {(row["task"], row["policy"], row["material"]): row for row in rows}
+    cells = {(row["task"], row["policy"], row["material"]):
+             f"{row['score']:.1f} ({'-' if row['td_mm'] is None else format(row['td_mm'], '.1f')})" for row in rows}
     return TextTable("score of one motion in other materials, in brackets trajectory deviation (TD) [mm]",
                      ["material", *(f"{task}, {policy}" for task, policy in motions)],
-                     [[name, *(_format_material(by_key.get((*motion, name))) for motion in motions)]
-                      for name in names])
-
-
-def _format_material(row: dict[str, Any] | None) -> str:
-    """Return score and trajectory deviation."""
-    if row is None:
-        return ""
-    return f"{row['score']:.1f} ({'-' if row['td_mm'] is None else format(row['td_mm'], '.1f')})"
+                     [[name, *(cells.get((*motion, name), "") for motion in motions)] for name in names])

@@ -5,26 +5,19 @@ from typing import Any
 from policies.learning.presets import Preset
 from robosim.base.digests import digest
 
-COLUMNS = ("task", "method", "material", "seed", "starts", "action_repeat", "n_envs", "obs", "max_episodes", "commit",
-           "episodes", "tcs_of_best_return", "tcs_last10", "tcs_evaluated", "return", "seconds", "delivered", "spilled",
-           "collisions", "turn_error_deg", "preset", "demonstrations", "task_digest", "field", "code", "command",
-           "curve")
-"""Of a row. tcs_of_best_return: score of the motion with the highest return, replayed, as are delivered to
+TEXT, NUMBER = (str, None), (float, None)
+ROW: dict[str, Any] = {
+    "task": str, "method": str, "material": TEXT, "seed": int, "starts": str, "action_repeat": int, "n_envs": int,
+    "obs": str, "max_episodes": int, "commit": str, "episodes": int,
+    **dict.fromkeys(("tcs_of_best_return", "tcs_last10", "tcs_evaluated"), NUMBER), "return": float, "seconds": float,
+    **dict.fromkeys(("delivered", "spilled", "collisions", "turn_error_deg"), NUMBER),
+    **dict.fromkeys(("preset", "demonstrations", "task_digest", "field"), TEXT), "code": ({str: str}, None),
+    "command": TEXT, "curve": ([float], None)}
+"""Form of a row. tcs_of_best_return: score of the motion with the highest return, replayed, as are delivered to
 turn_error_deg; tcs_last10, return: means of the last ten episodes; tcs_evaluated: score of the best policy without
 exploration; seconds: of an episode; preset, demonstrations, task_digest, field: digests, that of the preset over all
-its keys but obs and episodes; code: modules that the run exercised, with a digest each; curve: score,
-means of ten episodes."""
-TEXT_OR_NONE, NUMBER_OR_NONE = (str, None), (float, None)
-ROW: dict[str, Any] = {
-    **dict.fromkeys(("task", "method", "starts", "obs", "commit"), str),
-    **dict.fromkeys(("seed", "action_repeat", "n_envs", "max_episodes", "episodes"), int),
-    **dict.fromkeys(("return", "seconds"), float),
-    **dict.fromkeys(("preset", "demonstrations", "task_digest", "field", "command"), TEXT_OR_NONE),
-    "material": (str, None), "code": ({str: str}, None),
-    "curve": ([float], None),
-    **dict.fromkeys(("tcs_of_best_return", "tcs_last10", "delivered", "spilled", "collisions"), (float, None)),
-    **dict.fromkeys(("turn_error_deg", "tcs_evaluated"), NUMBER_OR_NONE)}
-"""Form of a row."""
+its keys but obs and episodes; code: modules that the run exercised, with a digest each; curve: score, means of ten
+episodes."""
 
 
 def preset_digest(preset: dict[str, Any]) -> str:
@@ -41,22 +34,18 @@ def make_row(manifest: dict[str, Any], status: dict[str, Any], curve: list[float
     method = manifest.get("label") or manifest["method"]
     if method == "dg_sac_literal" and preset["obs"] != "flat":
         method = preset["obs"]  # the paper names its ablations after the observation
-    return {"task": manifest["task"], "method": method, "material": manifest["material"], "seed": manifest["seed"],
-            "starts": manifest["starts"], "action_repeat": manifest["action_repeat"], "n_envs": manifest["n_envs"],
-            "obs": preset["obs"], "max_episodes": preset["episodes"], "commit": manifest["commit"],
-            "episodes": status["episodes"], "tcs_of_best_return": replayed.get("tcs"), "tcs_last10": last.get("tcs"),
-            "tcs_evaluated": ((status.get("evaluated") or {}).get("best") or {}).get("tcs"),
-            "return": last["return"], "seconds": status["seconds"] / status["episodes"],
-            **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions", "turn_error_deg")},
-            "preset": preset_digest(preset), "demonstrations": digest(manifest.get("demonstrations", {})),
-            "task_digest": manifest.get("task_digest"), "field": manifest.get("field"), "code": manifest.get("code"),
-            "command": manifest.get("command") and " ".join(["robosim", *manifest["command"].split(" ")[1:]]),
-            "curve": curve}
-
-
-def is_same_run(row: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Return whether two rows are of one run."""
-    return all(row[key] == other[key] for key in COLUMNS)
+    row = {
+        **{key: manifest[key] for key in ("task", "material", "seed", "starts", "action_repeat", "n_envs", "commit")},
+        "method": method, "obs": preset["obs"], "max_episodes": preset["episodes"], "episodes": status["episodes"],
+        "tcs_of_best_return": replayed.get("tcs"), "tcs_last10": last.get("tcs"),
+        "tcs_evaluated": ((status.get("evaluated") or {}).get("best") or {}).get("tcs"),
+        "return": last["return"], "seconds": status["seconds"] / status["episodes"],
+        **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions", "turn_error_deg")},
+        "preset": preset_digest(preset), "demonstrations": digest(manifest.get("demonstrations", {})),
+        **{key: manifest.get(key) for key in ("task_digest", "field", "code")},
+        "command": manifest.get("command") and " ".join(["robosim", *manifest["command"].split(" ")[1:]]),
+        "curve": curve}
+    return {key: row[key] for key in ROW}
 
 
 def unpack_rows(table: dict[str, Any]) -> list[dict[str, Any]]:

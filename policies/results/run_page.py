@@ -64,7 +64,8 @@ def write_run_page(make_page: Callable[..., Any], out: Path) -> Path | None:
         page.add_heading("Learning curves")
         page.add_curves(charts, "episode", "A click in the legend hides a curve.")
     page.add_heading("Evaluations without exploration")
-    add_rows(page, evaluations)
+    page.add_table([NAMES.get(key, key) for key in evaluations[0]] if evaluations else [],
+                   [[number(value) for value in row.values()] for row in evaluations])
     page.add_heading("Run")
     page.add_table(["entry", "value"], [[key, value] for key, value in [*manifest.items(), *status.items()]
                               if isinstance(value, str | int | float) and key not in DETAILS])
@@ -109,12 +110,6 @@ def average(x: list[float], y: list[float]) -> Curve:
     if not n:
         return [], []
     return x[n - 1 :], np.convolve(y, np.ones(n) / n, mode="valid").tolist()
-
-
-def add_rows(page: Any, rows: list[dict[str, str]]) -> None:
-    """Add the rows of a file as a table, numbers as numbers."""
-    page.add_table([NAMES.get(key, key) for key in rows[0]] if rows else [],
-                   [[number(value) for value in row.values()] for row in rows])
 
 
 def number(text: str) -> float | str:

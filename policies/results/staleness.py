@@ -34,15 +34,3 @@ def describe_age(row: dict[str, Any], presets: dict[str, str]) -> str:
     changed = changed_modules(row["code"])
     more = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
     return f"{', '.join(changed[:SHOWN])}{more} have changed" if changed else ""
-
-
-def report_stale(rows: list[dict[str, Any]]) -> int:
-    """Print the rows that are older than the code; return 1 if there are any, 0 otherwise."""
-    stale = find_stale(rows)
-    for reason, group in stale.items():
-        print(f"{len(group)} of {len(rows)} rows: {reason}:")
-        for row in group:
-            print(f"  {row['method']} {row['task']} seed {row['seed']}, commit {row['commit']}")
-    if not stale:
-        print(f"{len(rows)} rows, all made by the code of today")
-    return 1 if stale else 0

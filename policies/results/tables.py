@@ -1,6 +1,5 @@
 """`robosim tables`: the figures of finished runs, from run folders and earlier tables, beside published numbers."""
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +7,12 @@ import mpm
 from mpm.files import write
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.further_tables import make_further_tables
-from policies.results.page import align_columns, fill_page, format_scores
-from policies.results.rows import COLUMNS, ROW, is_same_run, make_row, pack_rows, unpack_rows
-from policies.results.staleness import find_stale, report_stale
+from policies.results.page import fill_page, score_table
+from policies.results.rows import ROW, make_row, pack_rows, unpack_rows
+from policies.results.staleness import find_stale
 from policies.results.summary import summarise_runs
 from robosim.base.digests import digest
-from robosim.base.files import write_json, write_text
+from robosim.base.files import write_json, write_rows, write_text
 from robosim.base.input_files import check_form, read_json
 from robosim.base.resources import folder
 from robosim.config.table import read
@@ -24,10 +23,8 @@ PUBLISHED = "arxiv_2406_09178.yaml"
 def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the rows of all finished runs, each once, and a text on each run that is not finished.
 
-    sources: folders, searched for run folders, and tables.json files.
-
-    Raises:
-        mpm.InvalidValue: a folder does not exist, or a file is no tables.json.
+    sources: folders, searched for run folders, and tables.json files. Raises mpm.InvalidValue for a folder that does
+    not exist, or a file that is no tables.json.
     """
     rows, unfinished = [], []
     for source in sources:
@@ -50,29 +47,36 @@ def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
                 rows.append(row)
             except (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
                 unfinished.append(f"{path.parent}: cannot be read: {type(error).__name__}: {error}")
-    return [row for k, row in enumerate(rows) if not any(is_same_run(row, other) for other in rows[:k])], unfinished
+    return [row for k, row in enumerate(rows) if row not in rows[:k]], unfinished
 
 
 def read_table(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a tables.json, raises mpm.InvalidValue for another file."""
     try:
         rows = unpack_rows(read_json(path))
-        missing = sorted({key for row in rows for key in COLUMNS if key not in row})
+        missing = sorted({key for row in rows for key in ROW if key not in row})
         if missing:
             raise mpm.InvalidValue(f"its runs lack {', '.join(missing)}")
         check_form(rows, [ROW], "runs")
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: {error}") from error
-    return [{key: row[key] for key in COLUMNS} for row in rows]
+    return [{key: row[key] for key in ROW} for row in rows]
 
 
 def check(sources: list[Path]) -> int:
     """Print the rows of runs, or of tables.json files, that are older than the code; return 1 if there are any.
 
-    Raises:
-        mpm.InvalidValue: there is no finished run, or a source is wrong.
+    Raises mpm.InvalidValue as `require_rows`.
     """
-    return report_stale(require_rows(sources)[0])
+    rows, _ = require_rows(sources)
+    stale = find_stale(rows)
+    for reason, group in stale.items():
+        print(f"{len(group)} of {len(rows)} rows: {reason}:")
+        for row in group:
+            print(f"  {row['method']} {row['task']} seed {row['seed']}, commit {row['commit']}")
+    if not stale:
+        print(f"{len(rows)} rows, all made by the code of today")
+    return 1 if stale else 0
 
 
 def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -88,10 +92,8 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = N
     """Write tables.json, tables.csv and curves.png of runs, and a page as index.html, into a folder; return 0.
 
     sources: folders with runs, or tables.json files. is_mixed: whether means over runs that differ are shown, with a
-    note, and not refused. page: an empty one, such as `robosim.reports.page.Page`; None: no index.html.
-
-    Raises:
-        mpm.InvalidValue: there is no finished run, a source is wrong, or a mean would be over runs that differ.
+    note, and not refused. page: an empty one, such as `robosim.reports.page.Page`; None: no index.html. Raises
+    mpm.InvalidValue as `require_rows`, and for a mean that would be over runs that differ.
     """
     rows, unfinished = require_rows(sources)
     published = read(folder("configs") / "published" / PUBLISHED)
@@ -104,7 +106,7 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = N
     numbers, further_tables = make_further_tables(summaries, rows, sources, published)
     write_json(out / "tables.json", {"tables": summaries, **pack_rows(rows), "mixed": notes, "not_finished": unfinished,
                                      "published": published, **numbers})
-    write(out / "tables.csv", lambda path: write_csv(path, rows))
+    write_rows(out / "tables.csv", [{**row, "code": digest(row["code"]) if row["code"] else ""} for row in rows])
     curves = group_curves(rows)
     if curves:
         write(out / "curves.png", lambda path: draw_curves(path, curves))
@@ -116,22 +118,10 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = N
             page.add_picture((out / "curves.png").read_bytes(), "Score over episodes: median of each method's runs, "
                              "and the band from their worst to their best.")
         write_text(out / "index.html", page.html())
-    print(format_scores(summaries, published))
-    for table in further_tables:
-        print(f"\n{table.title}:\n{align_columns([table.head, *table.rows])}")
-    for note in notes:
-        print(f"mean over different runs: {note}")
-    for text in unfinished:
-        print(f"not finished: {text}")
-    for text in stale:
-        print(f"older than the code: {text}")
+    print("\n\n".join(table.text for table in [score_table(summaries, published), *further_tables]))
+    for title, texts in (("mean over different runs", notes), ("not finished", unfinished),
+                         ("older than the code", stale)):
+        for text in texts:
+            print(f"{title}: {text}")
     print(out / ("tables.json" if page is None else "index.html"))
     return 0
-
-
-def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a line for each run."""
-    with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]))
-        table.writeheader()
-        table.writerows({**row, "code": digest(row["code"]) if row["code"] else ""} for row in rows)

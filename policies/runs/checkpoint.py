@@ -42,19 +42,11 @@ def pack(model: Any, **parts: Any) -> bytes:
     return packed.getvalue()
 
 
-def save(path: Path, model: Any, **parts: Any) -> None:
-    """Write what `pack` returns."""
-    packed = pack(model, **parts)
-    write(path, lambda temporary: temporary.write_bytes(packed))
-
-
 def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
     """Return the model, of class `kind` (None: no model was stored), in an environment, and the other parts.
 
-    Random numbers continue only once `restore_random_state` is called with the parts.
-
-    Raises:
-        mpm.InvalidValue: the file is damaged, too large, or of other versions of its packages.
+    Random numbers continue only once `restore_random_state` is called with the parts. Raises mpm.InvalidValue for a
+    file that is damaged, too large, or of other versions of its packages.
     """
     try:
         parts = _read_parts(path)
@@ -94,29 +86,26 @@ class Checkpoints:
     every: episodes from one checkpoint on the disk to the next.
     """
 
-    def __init__(self, every: int) -> None:
-        self.every, self.stored = every, 0
+    def __init__(self, path: Path, every: int) -> None:
+        self._path, self._every, self.stored = path, every, 0
         self._kept: tuple[int, bytes] | None = None
 
-    def keep(self, episodes: int, packed: bytes) -> None:
-        """Take a checkpoint after a number of episodes instead of the last one."""
+    def keep(self, episodes: int, packed: bytes, at_once: bool) -> None:
+        """Take a checkpoint after a number of episodes instead of the last one; write it if it is due, or at once."""
         self._kept = episodes, packed
+        if at_once or episodes >= self.stored + self._every:
+            self.write()
 
-    @property
-    def is_due(self) -> bool:
-        """Whether the last checkpoint is to be written now."""
-        return self._kept is not None and self._kept[0] >= self.stored + self.every
-
-    def write(self, path: Path) -> None:
+    def write(self) -> None:
         """Write the last checkpoint, unless it is written."""
         if self._kept is not None:
             episodes, packed = self._kept
-            write(path, lambda temporary: temporary.write_bytes(packed))
+            write(self._path, lambda temporary: temporary.write_bytes(packed))
             self._kept, self.stored = None, episodes
 
-    def describe(self, path: Path) -> str:
+    def describe(self) -> str:
         """Return what the same command will do."""
-        if not path.is_file():
+        if not self._path.is_file():
             return "there is no checkpoint yet: the same command begins again"
         return f"the same command continues after {self.stored} episodes" if self.stored else \
             "the same command continues from the checkpoint"

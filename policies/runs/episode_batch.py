@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 import mpm
+from policies.learners.buffers import map_parts
 from policies.learners.vec_env import SB3VecEnv, select_info
 from policies.learners.wrappers import ScaledObservation
 from policies.learning.environments import make_vector_environment
@@ -32,7 +33,8 @@ class EpisodeBatch(SB3VecEnv):
     def __init__(self, task: str, n: int, single: gymnasium.Env, seed: int, reset_options: dict[str, Any] | None,
                  on_end: Callable[[Episode], None], most: int, **options: Any) -> None:
         vector = make_vector_environment(task, n, autoreset_mode=AutoresetMode.DISABLED, **options)
-        self._scale = single.observation if isinstance(single, ScaledObservation) else None
+        self._scale: Callable[[Any], Any] = single.observation if isinstance(single, ScaledObservation) else \
+            lambda observations: observations
         super().__init__(vector, AutoresetMode.DISABLED)
         self.observation_space = single.observation_space
         self.seed_of_run, self.reset_options, self.on_end, self.most = seed, reset_options, on_end, most
@@ -59,18 +61,14 @@ class EpisodeBatch(SB3VecEnv):
         for e in np.flatnonzero(mask):
             self.reset_infos[e] = select_info(infos, int(e))
         self._began = time.perf_counter()
-        return self._seen(observations)
-
-    def _seen(self, observations: Any) -> Any:
-        """Return observations as the policy sees them."""
-        return observations if self._scale is None else self._scale(observations)
+        return self._scale(observations)
 
     def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Step; returns observations (n, ...), rewards (n,), dones (n,) and infos, as `SB3VecEnv` does."""
         began, n = time.perf_counter(), self.num_envs
         observations, rewards, terminated, truncated, infos = self.vector.step(self._actions)
         now = time.perf_counter()
-        seen, dones = self._seen(observations), terminated | truncated
+        seen, dones = self._scale(observations), terminated | truncated
         rows = [select_info(infos, e) | {"TimeLimit.truncated": bool(truncated[e] and not terminated[e])}
                 for e in range(n)]
         for record, action, reward, row in zip(self._records, self._actions, rewards, rows):
@@ -79,7 +77,7 @@ class EpisodeBatch(SB3VecEnv):
         self._began = now
         ended, seconds = np.flatnonzero(dones), self.updating / max(int(dones.sum()), 1)
         for e in ended:
-            rows[e]["terminal_observation"] = pick(seen, int(e))
+            rows[e]["terminal_observation"] = map_parts(lambda part: np.array(part[e]), seen)  # noqa: B023
             self._end(self._records[e].end(rows[e], self._records[e].seconds, updating=seconds))
         if len(ended):
             self.updating, seen = 0.0, self._start(dones)
@@ -108,10 +106,3 @@ class EpisodeBatch(SB3VecEnv):
             self._records[e] = EpisodeRecord(0, 0)
             vars(self._records[e]).update(state["records"][e])
         self._next, self._began = state["next"], time.perf_counter()
-
-
-def pick(observations: Any, e: int) -> Any:
-    """Return the observation of environment `e`, a copy."""
-    if isinstance(observations, dict):
-        return {key: np.array(part[e]) for key, part in observations.items()}
-    return np.array(observations[e])

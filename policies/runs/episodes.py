@@ -16,11 +16,6 @@ class Episode(NamedTuple):
     actions: np.ndarray
     """(decisions, dimensions)"""
 
-    @property
-    def total(self) -> float:
-        """Sum of the rewards."""
-        return self.row["return"]
-
 
 def start_seed(seed: int, episode: int) -> int:
     """Return the seed of an episode's start: it depends on the run's seed and the episode's number only, so that a

@@ -1,6 +1,5 @@
 """Episodes of a run's deterministic policy, between those in which it explores: what the best policy is judged by."""
 
-import csv
 import time
 from pathlib import Path
 from typing import Any
@@ -9,11 +8,9 @@ import gymnasium
 import numpy as np
 
 import mpm
-from mpm.files import write
+from robosim.base.files import write_rows
 from robosim.episode.play import read_scores, run_episode
 
-EVALUATE_EVERY = 10
-"""Episodes between evaluations, if no other number is given."""
 HELD_OUT, RANDOM_STARTS = 2_000_000, 5
 """Seed of the first start and number of starts, where the run's own are random. Training draws its seeds from all
 32-bit numbers, the suites of `robosim evaluate` have others."""
@@ -93,11 +90,5 @@ class Evaluations:
 
     def write_rows(self) -> None:
         """Write evaluations.csv."""
-        def write_table(path: Path) -> None:
-            with path.open("w", newline="") as file:
-                table = csv.DictWriter(file, list(self.rows[0]))
-                table.writeheader()
-                table.writerows(self.rows)
-
         if self.rows:
-            write(self.folder / "evaluations.csv", write_table)
+            write_rows(self.folder / "evaluations.csv", self.rows)

@@ -5,7 +5,6 @@ its own. Source: arXiv 2406.09178, Algorithm 1.
 """
 
 import argparse
-import os
 import shutil
 import subprocess
 import sys
@@ -22,7 +21,7 @@ from policies.learning.presets import load_preset
 from policies.runs.pipeline_table import collect_rows, format_rows
 from robosim.base.files import write_json
 from robosim.base.input_files import read_json
-from robosim.base.jobs import read_last_line
+from robosim.base.jobs import read_last_line, start_command
 from robosim.base.output_folder import OutputFolder, is_locked
 from robosim.base.progress import Progress
 from robosim.base.resources import folder
@@ -53,13 +52,17 @@ def learned_rehearsals() -> dict[str, list[str]]:
     return {name: names for name, names in tasks.items() if names}
 
 
+def to_words(**options: Any) -> list[str]:
+    """Return options as arguments of a command; None and False are left out, True is an option without a value."""
+    return [word for name, value in options.items() if value is not None and value is not False
+            for word in (f"--{name.replace('_', '-')}", *([] if value is True else [str(value)]))]
+
+
 class Pipeline:
     """Runs the stages of a pipeline that are not finished; pipeline.json has the state of each.
 
-    options: of `robosim pipeline`.
-
-    Raises:
-        mpm.InvalidValue: an option is wrong, or the folder holds a pipeline with other options.
+    options: of `robosim pipeline`. Raises mpm.InvalidValue for a wrong option, or a folder that holds a pipeline with
+    other options.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -130,21 +133,18 @@ class Pipeline:
         with self._lock:
             self._is_stopped = True
             for process in self._processes:
-                process.terminate()  # not SIGINT, which the processes of a shell's background job ignore
+                process.terminate()
 
     def _learn(self, task: str) -> bool:
         """Make a sub-task's demonstrations and train on them; return whether there is a learned motion."""
-        o, material = self.options, [] if self.options.material is None else ["--material", self.options.material]
-        demos, folder, training = self.out / "demonstrations" / task, self._training_folder(task), f"training of {task}"
-        arguments = ["demo", task, "--out", str(demos), "--n", str(o.n), "--nominal", "--seed", str(o.seed),
-                     "--iterations", str(o.iterations), *DEMO_ARGUMENTS.get(task, ()),
-                     *(["--no-video"] if o.no_video else [])]
-        if self._needs_demonstrations and not self._run_stage(f"demonstrations of {task}", arguments):
+        o, folder, training = self.options, self._training_folder(task), f"training of {task}"
+        demos = self.out / "demonstrations" / task if self._needs_demonstrations else None
+        if demos is not None and not self._run_stage(f"demonstrations of {task}", [
+                "demo", task, *to_words(out=demos, n=o.n, nominal=True, seed=o.seed, iterations=o.iterations),
+                *DEMO_ARGUMENTS.get(task, ()), *to_words(no_video=o.no_video)]):
             return False
-        arguments = ["train", o.method, task, "--seed", str(o.seed), "--out", str(folder), *material,
-                     *(["--demos", str(demos)] if self._needs_demonstrations else []),
-                     *([] if o.episodes is None else ["--episodes", str(o.episodes)])]
-        if not self._run_stage(training, arguments):
+        if not self._run_stage(training, ["train", o.method, task, *to_words(
+                seed=o.seed, out=folder, material=o.material, demos=demos, episodes=o.episodes)]):
             return False
         (self.out / "motions").mkdir(exist_ok=True)
         if not (folder / "best.npz").is_file():
@@ -160,16 +160,15 @@ class Pipeline:
     def _execute(self) -> bool:
         """Run the sub-tasks in sequence, and the whole arm, even if the sequence failed."""
         o = self.options
-        shared = ["--motions", str(self.out / "motions"), *([] if o.material is None else ["--material", o.material]),
-                  *(["--no-video"] if o.no_video else []), *o.settings.arguments]
-        results = [self._run_stage(SEQUENCE, ["chain", o.rehearsal, "--out", str(self.out / "chain"), *shared]),
-                   self._run_stage(ARM, ["rehearse", o.rehearsal, "--out", str(self.out / "arm"), "--grasp", o.grasp,
-                                         *shared])]
+        stages = {SEQUENCE: ["chain", o.rehearsal, *to_words(out=self.out / "chain")],
+                  ARM: ["rehearse", o.rehearsal, *to_words(out=self.out / "arm", grasp=o.grasp)]}
         if o.perturb is not None:
-            launch = ["--launch", o.launch, *(["--launch-file", str(o.launch_file)] if o.launch_file else [])]
-            results.append(self._run_stage(PERTURBED, [
-                "rehearse", o.rehearsal, "--out", str(self.out / "perturbed"), "--grasp", o.grasp, "--perturb",
-                str(o.perturb), "--jobs", str(o.jobs), *launch, *shared]))
+            stages[PERTURBED] = ["rehearse", o.rehearsal, *to_words(
+                out=self.out / "perturbed", grasp=o.grasp, perturb=o.perturb, jobs=o.jobs, launch=o.launch,
+                launch_file=o.launch_file)]
+        shared = [*to_words(motions=self.out / "motions", material=o.material, no_video=o.no_video),
+                  *o.settings.arguments]
+        results = [self._run_stage(name, [*arguments, *shared]) for name, arguments in stages.items()]
         return all(results)
 
     def _run_stage(self, name: str, arguments: list[str]) -> bool:
@@ -192,7 +191,10 @@ class Pipeline:
             while is_locked(Path(arguments[arguments.index("--out") + 1])) and not self._is_stopped:
                 time.sleep(POLL)  # a killed pipeline has left this stage's process
             with log.open("a") as file:
-                process = self._start(arguments, file)
+                with self._lock:
+                    process = None if self._is_stopped else start_command(arguments, file)
+                    if process is not None:
+                        self._processes.add(process)
                 is_finished = process is not None and process.wait() == 0
                 with self._lock:
                     self._processes.discard(process)
@@ -203,16 +205,6 @@ class Pipeline:
         with self._lock:
             self._progress.update()
         return self.stages[name]["state"] == "finished"
-
-    def _start(self, arguments: list[str], file: Any) -> subprocess.Popen | None:
-        """Start a command's process, unless the pipeline is stopped."""
-        with self._lock:
-            if self._is_stopped:
-                return None
-            process = subprocess.Popen([sys.executable, "-m", "robosim", *arguments], stdout=file, stderr=file,
-                                       env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
-            self._processes.add(process)
-            return process
 
     def _store(self, name: str | None = None, rows: list[dict[str, Any]] | None = None, **stage: Any) -> None:
         """Write pipeline.json, with a new state of a stage, or with the table's rows."""

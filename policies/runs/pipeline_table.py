@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from policies.results.page import align_columns
 from robosim.base import input_files
 from robosim.base.input_files import check_form
+from robosim.base.output_folder import aligned
 
 ARM_COLUMNS = ("scooped_mass_kg", "delivered_fraction", "spilled_fraction")
 RESULT = dict.fromkeys(("grains", "delivered", "rotation_deg", "rotation_relative_error"), (float, None, ...))
@@ -33,7 +33,7 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
                      "learned": replayed.get("tcs"), "grains": result.get("grains"),
                      "delivered": result.get("delivered"), "turned_deg": result.get("rotation_deg"),
                      "relative_turn_error": result.get("rotation_relative_error")})
-    arm = read_arm_report(out / "arm" / "report.json")
+    arm = read_json(out / "arm" / "report.json", dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
     return [*rows, {"task": "whole arm", **{key: arm.get(key) for key in ARM_COLUMNS}}]
 
 
@@ -42,11 +42,6 @@ def _best_demonstration(folder: Path) -> float | None:
     among = [values for row in rows for condition, values in row.items() if condition.startswith("among")]
     check_form(among, [{"tcs": float}], str(folder / "demonstrations.json"))
     return max((values["tcs"] for values in among), default=None)
-
-
-def read_arm_report(path: Path) -> dict[str, Any]:
-    """Return the whole arm's figures, {} without a file."""
-    return read_json(path, dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
 
 
 def read_json(path: Path, form: dict[Any, Any]) -> dict[str, Any]:
@@ -66,5 +61,5 @@ def format_rows(rows: list[dict[str, Any]]) -> str:
                cell(row["grains"], "{}"), cell(row["delivered"], "{:.3f}"), cell(row["turned_deg"], "{:.1f}"),
                cell(row["relative_turn_error"], "{:.1%}")] for row in rows[:-1]]
     arm = rows[-1]
-    return (f"{align_columns(lines)}\nwhole arm: {cell(arm['scooped_mass_kg'], '{:.4f} kg')} scooped, "
+    return (f"{aligned(lines)}\nwhole arm: {cell(arm['scooped_mass_kg'], '{:.4f} kg')} scooped, "
             f"{cell(arm['delivered_fraction'], '{:.3f}')} delivered, {cell(arm['spilled_fraction'], '{:.3f}')} spilled")

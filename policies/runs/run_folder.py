@@ -4,7 +4,6 @@ manifest.json says what the run is, status.json how far it has come; episodes.cs
 of the best one, checkpoint.zip its last checkpoint.
 """
 
-import csv
 import json
 import platform
 from functools import partial
@@ -17,7 +16,7 @@ import numpy as np
 import mpm
 from mpm.files import write
 from policies.runs.episodes import Episode
-from robosim.base.files import write_json, write_status
+from robosim.base.files import write_json, write_rows, write_status
 from robosim.base.input_files import differing_entries, read_json
 from robosim.base.output_folder import OutputFolder
 
@@ -31,16 +30,17 @@ LAST = 10
 class RunFolder:
     """The files of one run; its lock keeps other processes out until `close`.
 
-    Raises:
-        mpm.InvalidValue: the folder holds another run, unless `force`.
+    Raises mpm.InvalidValue where the folder holds another run, unless `force`.
     """
 
     def __init__(self, path: Path, manifest: dict[str, Any], force: bool = False) -> None:
         self.path, self.best_return = path, -np.inf
+        self.checkpoint, self.event_log = path / "checkpoint.zip", path / "events.out.tfevents"
         self.rows: list[dict[str, Any]] = []
         self.manifest = {**manifest, "versions": {name: version(name) for name in (
             "robosim", "numpy", "torch", "stable_baselines3", "gymnasium", "taichi")}, "machine": platform.machine()}
         self._lock = OutputFolder(path)
+        self.close = self._lock.release
         try:
             self._check_identity(force)
             if not self.is_finished or force:
@@ -73,16 +73,6 @@ class RunFolder:
         return stored
 
     @property
-    def checkpoint(self) -> Path:
-        """Path of the checkpoint."""
-        return self.path / "checkpoint.zip"
-
-    @property
-    def event_log(self) -> Path:
-        """Path of TensorBoard's events."""
-        return self.path / "events.out.tfevents"
-
-    @property
     def is_finished(self) -> bool:
         """Whether the run has come to its end."""
         status = self.read_json("status.json")
@@ -92,9 +82,9 @@ class RunFolder:
         """Add an episode; return whether it is the best so far, whose actions are then written to best.npz."""
         self.rows.append(episode.row)
         self.write_episodes()
-        if not episode.total > self.best_return or episode.row["diverged"]:
+        if not episode.row["return"] > self.best_return or episode.row["diverged"]:
             return False
-        self.best_return = episode.total
+        self.best_return = episode.row["return"]
         figures = {key: np.array(episode.row[key]) for key in ("episode", "start", "return", "tcs", "needed")
                    if key in episode.row}
         origin = {key: np.array(self.manifest[key]) for key in ("task", "material", "method", "seed", "fingerprint")
@@ -106,18 +96,7 @@ class RunFolder:
 
     def write_episodes(self) -> None:
         """Write episodes.csv."""
-        def write_rows(path: Path) -> None:
-            with path.open("w", newline="") as file:
-                names = dict.fromkeys(name for row in self.rows for name in row)
-                table = csv.DictWriter(file, list(names))
-                table.writeheader()
-                table.writerows(self.rows)
-
-        write(self.path / "episodes.csv", write_rows)
-
-    def close(self) -> None:
-        """Release the folder's lock."""
-        self._lock.release()
+        write_rows(self.path / "episodes.csv", self.rows)
 
     def write_status(self, state: str, **more: Any) -> None:
         """Write status.json: the state, figures of the episodes so far, and more."""
@@ -127,15 +106,11 @@ class RunFolder:
             keys = [key for key in ("return", "tcs", "delivered", "spilled", "collisions") if key in self.rows[0]]
             status["best_return"] = self.best_return if np.isfinite(self.best_return) else None
             status["last"] = {key: float(np.mean([row[key] for row in last])) for key in keys}
-            status |= self._times(more.get("evaluating_s", 0.0))
+            total, simulating, updating = (sum(row.get(key, 0.0) for row in self.rows)
+                                           for key in ("seconds", "simulating", "updating"))
+            status |= {"seconds": total, "simulating_s": simulating, "updating_s": updating,
+                       "rest_s": total - simulating - updating - more.get("evaluating_s", 0.0)}
         write_status(self.path, state, **status, **more)
-
-    def _times(self, evaluating: float) -> dict[str, float]:
-        """Return the seconds of all episodes, and what they were spent in."""
-        total, simulating, updating = (sum(row.get(key, 0.0) for row in self.rows)
-                                       for key in ("seconds", "simulating", "updating"))
-        return {"seconds": total, "simulating_s": simulating, "updating_s": updating,
-                "rest_s": total - simulating - updating - evaluating}
 
     def update_status(self, state: str, **more: Any) -> None:
         """Write status.json with the figures that it has."""

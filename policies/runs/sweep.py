@@ -1,7 +1,6 @@
 """`robosim sweep`: runs of a sweep, each in a process of its own, several at a time or as jobs of a cluster."""
 
 import contextlib
-import os
 import subprocess
 import sys
 import time
@@ -10,10 +9,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import mpm
+from policies.learning.options import check_at_least
 from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
 from robosim.base.files import keep_status, write_json
-from robosim.base.jobs import describe_end
+from robosim.base.jobs import describe_end, start_command
 from robosim.base.output_folder import is_locked
 from robosim.base.progress import Progress
 from robosim.config.settings import Setting
@@ -29,14 +28,10 @@ def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = Fa
     """Run what is not finished of a sweep file; return 0, or 1 when some runs failed.
 
     jobs: processes at a time. launcher: what runs them elsewhere, with `configure` and `run`; None: here. dry_run: only
-    print the runs. settings: in place of values of the file.
-
-    Raises:
-        robosim.ConfigError: the file is wrong.
-        mpm.InvalidValue: jobs is less than 1.
+    print the runs. settings: in place of values of the file. Raises robosim.ConfigError for a wrong file,
+    mpm.InvalidValue for jobs below 1.
     """
-    if jobs < 1:
-        raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
+    check_at_least(1, {"--jobs": jobs})
     file = load_sweep(path, settings)
     runs = plan_runs(file)
     unfinished = [run for run in runs if run.state != "finished"]
@@ -75,7 +70,9 @@ def run_queue(runs: list[SweepRun], jobs: int, total: int) -> list[tuple[SweepRu
                 if run.state == "finished":  # by a process that a killed sweep has left
                     progress.update()
                 else:
-                    active.append((run, start_process(run)))
+                    run.out.mkdir(parents=True, exist_ok=True)
+                    with run.log.open("a") as log:
+                        active.append((run, start_command(run.arguments, log)))
             time.sleep(POLL)
             for run, process in [pair for pair in active if pair[1].poll() is not None]:
                 active.remove((run, process))
@@ -84,38 +81,21 @@ def run_queue(runs: list[SweepRun], jobs: int, total: int) -> list[tuple[SweepRu
                     continue
                 progress.update()
                 if process.returncode != 0 and run.state != "finished":
-                    failed.append((run, describe_end(process.returncode, run.out / "log.txt")))
+                    failed.append((run, describe_end(process.returncode, run.log)))
     finally:
         progress.close()
-        interrupt([process for _, process in active])
+        for _, process in active:  # so that each writes its checkpoint
+            process.terminate()
+        for _, process in active:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(GRACE)
+            process.kill()
     return failed
-
-
-def start_process(run: SweepRun) -> subprocess.Popen:
-    """Start a run's process; its stdout and stderr are appended to log.txt of its folder."""
-    run.out.mkdir(parents=True, exist_ok=True)
-    with (run.out / "log.txt").open("a") as log:
-        return subprocess.Popen([sys.executable, "-m", "robosim", *run.arguments], stdout=log, stderr=log,
-                                env={**os.environ, "OMP_NUM_THREADS": "1"},
-                                start_new_session=True)  # so that a Ctrl-C reaches it once, through `interrupt`
-
-
-def interrupt(processes: list[subprocess.Popen]) -> None:
-    """Interrupt processes, so that each writes its checkpoint; kill them after GRACE.
-
-    Not with SIGINT, which the processes of a shell's background job ignore.
-    """
-    for process in processes:
-        process.terminate()
-    for process in processes:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(GRACE)
-        process.kill()
 
 
 def run_elsewhere(runs: list[SweepRun], launcher: Any, folder: Path, total: int) -> list[tuple[SweepRun, str]]:
     """Run all of them by a launcher; return those that failed, with the reason. folder: of what the launcher writes."""
-    commands = [(["robosim", *run.arguments], (run.out / "log.txt").resolve()) for run in runs]
+    commands = [(["robosim", *run.arguments], run.log.resolve()) for run in runs]
     failed, progress = [], Progress(initial=total - len(runs), total=total, desc="sweep", unit="runs")
     for ended in launcher.run(commands, folder.resolve()):
         progress.update()

@@ -87,6 +87,11 @@ class SweepRun(NamedTuple):
     preset: dict[str, Any]
 
     @property
+    def log(self) -> Path:
+        """File that the run's stdout and stderr are appended to."""
+        return self.out / "log.txt"
+
+    @property
     def state(self) -> str:
         """State of the run's folder: "new", "another" (of another run), or that of its status.json."""
         try:
@@ -111,9 +116,8 @@ def load_sweep(path: Path, settings: Sequence[Setting] = ()) -> SweepFile:
 def plan_runs(file: SweepFile) -> list[SweepRun]:
     """Return all runs of a sweep, seeds outermost, so that an interrupted sweep has each seed for all methods.
 
-    Raises:
-        robosim.ConfigError: a task or method is unknown.
-        mpm.InvalidValue: a method's input is missing, or two runs share a folder.
+    Raises robosim.ConfigError for an unknown task or method, mpm.InvalidValue where a method's input is missing, or two
+    runs share a folder.
     """
     for task in file.tasks:
         check_trainable(task)

@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium
 from stable_baselines3.common.callbacks import BaseCallback
@@ -46,14 +46,12 @@ MAX_BUFFER = 16 * 2**30
 class Training:
     """One run in one folder. A method (`policies.methods.method.Method`) brings it to its end.
 
-    Raises:
-        mpm.InvalidValue: arguments that do not fit each other, or a folder that holds another run.
+    Raises mpm.InvalidValue for arguments that do not fit each other, or a folder that holds another run.
     """
 
     def __init__(self, method: str, preset: Preset, task: str, out: Path, options: TrainingOptions) -> None:
         self.preset, self.options = preset, options
         self.seed, self.action_repeat, self.n_envs = options.seed, options.action_repeat, options.n_envs
-        self.checkpoints = Checkpoints(options.checkpoint_every)
         scene: dict[str, Any] = {"material": options.material} if options.material else {}
         self.base: Any = make_training_environment(task, preset.obs, self.action_repeat, **scene)
         """The environment, with scaled observations where the preset asks for them."""
@@ -78,6 +76,9 @@ class Training:
         if self.is_granular and preset.scaled and preset.obs != "dict":
             self.base = ScaledObservation(self.base, preset.obs, preset.grains_as_one)
         self.reset_options = {"nominal": True} if self.is_granular and options.starts == "nominal" else None
+        digests = {one.name: digest(one.actions.tolist()) for one in self.demonstrations}  # of what it learns from
+        if self.rollouts is not None:
+            digests["rollouts"] = digest([grains.tobytes().hex() for grains in self.rollouts.grains])
         self.folder = RunFolder(out, {
             "method": method, "label": options.label, "preset": preset.model_dump(), "task": self.task,
             "seed": self.seed, "starts": options.starts, "action_repeat": self.action_repeat, "n_envs": self.n_envs,
@@ -85,8 +86,8 @@ class Training:
             "fingerprint": fingerprint(raw) if self.is_granular else digest([self.task]),
             "task_digest": task_digest(raw) if self.is_granular else None,
             "field": field_digest(raw) if self.is_granular else None, "code": exercised_code(),
-            "demonstrations": self._input_digests(), "commit": commit(), "command": " ".join(sys.argv)},
-            options.force)
+            "demonstrations": digests, "commit": commit(), "command": " ".join(sys.argv)}, options.force)
+        self.checkpoints = Checkpoints(self.folder.checkpoint, options.checkpoint_every)
         self.env: Any = Episodes(self.base, self.seed, self.reset_options, self._on_episode_end)
         """What reports the run's episodes."""
         if self.n_envs > 1:
@@ -95,13 +96,16 @@ class Training:
         self.agent_env: Any = self.env
         """The environment that a learner acts in: `env`, or corrections of a motion in it."""
         if preset.residual is not None:
-            assert self.demonstrations.first is not None
-            self.agent_env = ResidualActionWrapper(self.env, self.demonstrations.first, preset.residual,
+            self.agent_env = ResidualActionWrapper(self.env, self.demonstrations[0].actions, preset.residual,
                                                    preset.correction_cost)
         self.progress = Progress(total=preset.episodes, desc=f"{method} {self.task} seed {self.seed}",
                                  unit="episodes")
         self.model: Any = None
-        self.evaluations = self._make_evaluations(options.evaluate_every) if self.is_granular else None
+        self.evaluations: Evaluations | None = None
+        if self.is_granular:
+            evaluated = self.base if preset.residual is None else ResidualActionWrapper(
+                self.base, self.demonstrations[0].actions, preset.residual)
+            self.evaluations = Evaluations(evaluated, out, options.evaluate_every, self.reset_options, self.n_envs == 1)
 
     @property
     def dimensions(self) -> int:
@@ -122,21 +126,13 @@ class Training:
             raise mpm.InvalidValue(f"--n-envs {n} with learner {preset.learner} and residual {preset.residual}; "
                                    f"accepted: 1, or {', '.join((*OFF_POLICY, 'PPO'))} without residual")
 
-    def _make_evaluations(self, every: int) -> Evaluations:
-        """Return the evaluations of the run's policy, in the environment without what counts its episodes."""
-        env = self.base
-        if self.preset.residual is not None:
-            assert self.demonstrations.first is not None
-            env = ResidualActionWrapper(env, self.demonstrations.first, self.preset.residual)
-        return Evaluations(env, self.folder.path, every, self.reset_options, self.n_envs == 1)
-
     def _check_buffer(self) -> None:
         """Refuse a replay buffer that would fill more memory in this run's episodes than a computer has."""
         space = self.agent_env.observation_space
         parts = list(space.values()) if isinstance(space, gymnasium.spaces.Dict) else [space]
         size = sum(4 * math.prod(part.shape or ()) for part in parts)
         count = min(self.preset.options.get("buffer_size", 0), self.preset.episodes * self.decisions)
-        demonstrated = len(self.demonstrations.motions) * self.decisions
+        demonstrated = len(self.demonstrations) * self.decisions
         count += min(self.preset.demonstrations.size if self.preset.demonstrations else 0, demonstrated)
         if 2 * size * count > MAX_BUFFER:
             raise mpm.InvalidValue(f"buffer of {count} transitions with two observations of {size} bytes: "
@@ -149,13 +145,6 @@ class Training:
                                    if self.preset.needs_rollouts else
                                    f"--rollouts {folder}: this method takes no rollouts; leave it out")
         return None if folder is None else read_rollouts(folder, self.base.unwrapped)
-
-    def _input_digests(self) -> dict[str, str]:
-        """Return digests of what the run learns from, by file."""
-        digests = self.demonstrations.digests()
-        if self.rollouts is not None:
-            digests["rollouts"] = digest([grains.tobytes().hex() for grains in self.rollouts.grains])
-        return digests
 
     def _on_episode_end(self, episode: Episode) -> None:
         self.folder.add(episode, self.action_repeat)
@@ -185,18 +174,15 @@ class Training:
 
     def save_checkpoint(self, **parts: Any) -> None:
         """Write a checkpoint of the model, the episodes and a method's own parts."""
-        self.keep_checkpoint(**parts)
-        self.checkpoints.write(self.folder.checkpoint)
+        self.keep_checkpoint(at_once=True, **parts)
 
-    def keep_checkpoint(self, **parts: Any) -> None:
-        """Make a checkpoint, to be written when it is due or when the run is interrupted."""
+    def keep_checkpoint(self, at_once: bool = False, **parts: Any) -> None:
+        """Make a checkpoint, to be written at once, or when it is due or when the run is interrupted."""
         if self.n_envs > 1:
             parts["batch"] = self.env.state()
         self.checkpoints.keep(self.env.count, checkpoint.pack(
             self.model, rows=self.folder.rows, best=self.folder.best_return,
-            evaluations=self.evaluations.rows if self.evaluations else [], **parts))
-        if self.checkpoints.is_due:
-            self.checkpoints.write(self.folder.checkpoint)
+            evaluations=self.evaluations.rows if self.evaluations else [], **parts), at_once)
 
     def stop(self, error: BaseException) -> str:
         """Write the last checkpoint and the status after what ended the run; return what the same command will do.
@@ -204,18 +190,15 @@ class Training:
         What a full disk does not take is reported on stderr.
         """
         self.progress.close()
-        for write in (lambda: self.checkpoints.write(self.folder.checkpoint), lambda: self._write_end(error)):
+        is_resumed = self.env.count > 0 or not self.folder.checkpoint.is_file()
+        write_status = self.folder.write_status if is_resumed else self.folder.update_status
+        for write in (self.checkpoints.write, lambda: write_status(
+                end_state(error), reason=f"{describe_end(error)}; {self.checkpoints.describe()}")):
             try:
                 write()
             except OSError as failure:
                 print(f"{self.folder.path}: {failure}", file=sys.stderr)
-        return self.checkpoints.describe(self.folder.checkpoint)
-
-    def _write_end(self, error: BaseException) -> None:
-        reason = f"{describe_end(error)}; {self.checkpoints.describe(self.folder.checkpoint)}"
-        is_resumed = self.env.count > 0 or not self.folder.checkpoint.is_file()
-        write = self.folder.write_status if is_resumed else self.folder.update_status
-        write(end_state(error), reason=reason)
+        return self.checkpoints.describe()
 
     def evaluate(self, policy: Any) -> None:
         """Evaluate the policy where that is due, and write it to best_policy.npz if it is the best so far.
@@ -234,15 +217,14 @@ class Training:
 
     def demonstration_transitions(self) -> Iterator[Transition]:
         """Yield the transitions of all demonstrations, played in the run's environment, each from its own start."""
-        for name, actions in self.demonstrations.motions.items():
-            seed, options = self.demonstrations.starts[name]
+        for _, actions, seed, options in self.demonstrations:
             yield from run_episode(self.base, actions, seed=seed, options=options if self.is_granular else None)
 
-    def learn(self, venv: Any = None, callback: "StatefulCallback | None" = None) -> None:
+    def learn(self, venv: Any = None, callback: Any = None) -> None:
         """Run a learner of Stable-Baselines3 to the run's end; the method of most presets.
 
-        venv: the vectorized environment, by default of `agent_env` alone. callback: one whose state is part of
-        checkpoints.
+        venv: the vectorized environment, by default of `agent_env` alone. callback: one of Stable-Baselines3 whose
+        `state()` is part of checkpoints, from which `load` restores it.
         """
         if venv is None:
             venv = self.env if self.n_envs > 1 else DummyVecEnv([lambda: self.agent_env])
@@ -271,37 +253,21 @@ class Training:
                              reset_num_timesteps=is_first)
             is_first = False
 
-    def replay_best(self) -> dict[str, Any]:
-        """Replay the best actions from the start that they were made at; return return and scores, or {} for none."""
-        path = self.folder.path / "best.npz"
-        if not path.is_file():
-            return {}
-        stored = read_arrays(path)
-        actions, start = stored["actions"], int(stored["start"])
-        total, info = play(self.base, actions, seed=start, options=self.reset_options)
-        return {"return": total, **read_scores(info)}
-
     def finish(self) -> None:
-        """Replay the best actions and write the final status."""
+        """Replay the best actions, if there are any, from their own start, and write the final status."""
         self.progress.close()
-        self.folder.write_status("finished", reason="every episode done", replayed=self.replay_best(),
-                                 **self.evaluated)
-
-
-class StatefulCallback(Protocol):
-    """A callback of Stable-Baselines3 whose state is part of checkpoints."""
-
-    def state(self) -> Any:
-        """Return what the next updates depend on."""
-
-    def load(self, state: Any) -> None:
-        """Restore a state."""
+        path, replayed = self.folder.path / "best.npz", {}
+        if path.is_file():
+            stored = read_arrays(path)
+            total, info = play(self.base, stored["actions"], seed=int(stored["start"]), options=self.reset_options)
+            replayed = {"return": total, **read_scores(info)}
+        self.folder.write_status("finished", reason="every episode done", replayed=replayed, **self.evaluated)
 
 
 class CheckpointCallback(BaseCallback):
     """Evaluates the policy and checkpoints between episodes; stops when the run is over."""
 
-    def __init__(self, training: Training, callback: StatefulCallback | None) -> None:
+    def __init__(self, training: Training, callback: Any) -> None:
         super().__init__()
         self.training, self._callback, self._kept_at = training, callback, training.env.count
         self._acted: float | None = None

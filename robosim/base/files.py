@@ -1,12 +1,14 @@
 """Results on disk: texts and JSON that are always whole, and the status of a folder of results."""
 
 import contextlib
+import csv
 import json
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from mpm.files import write
 
@@ -24,6 +26,17 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, value: object) -> None:
     """Write indented JSON. Raises ValueError for numbers that JSON does not have (NaN, infinity)."""
     write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as a CSV file with the columns of all of them, as `write` does."""
+    def write_table(temporary: Path) -> None:
+        with temporary.open("w", newline="") as file:
+            table = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
+            table.writeheader()
+            table.writerows(rows)
+
+    write(path, write_table)
 
 
 def append(path: Path, data: bytes) -> None:

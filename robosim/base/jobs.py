@@ -15,7 +15,7 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import IO, Any, NamedTuple, Protocol
 
 PR_SET_PDEATHSIG = 1
 """Option of prctl: the signal to get when the parent ends. Source: linux/prctl.h."""
@@ -82,6 +82,16 @@ def _start(command: Command, core: int) -> subprocess.Popen:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(process.pid, {core})  # before it has threads
     return process
+
+
+def start_command(arguments: Sequence[str], log: IO[Any]) -> subprocess.Popen:
+    """Start `robosim` with one thread for arrays; stdout and stderr go to a log.
+
+    A Ctrl-C does not reach it: it is to be ended by SIGTERM, which, unlike SIGINT, the processes of a shell's
+    background job do not ignore.
+    """
+    return subprocess.Popen([sys.executable, "-m", "robosim", *arguments], stdout=log, stderr=log,
+                            env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
 
 
 def describe_end(code: int, log: Path) -> str:

@@ -31,10 +31,10 @@ class Mp4Writer:
     another size or an odd one, OSError for a full disk.
     """
 
-    def __init__(self, path: str | Path, fps: float = 30) -> None:
-        if fps < 1:
-            raise ValueError(f"film {path}: fps is {fps:g}; accepted: 1 or more")
-        self.path = Path(path)
+    def __init__(self, path: str | Path, fps: float = 30, keyframes: int | None = None) -> None:
+        if not fps > 0:
+            raise ValueError(f"film {path}: fps is {fps:g}; accepted: above 0")
+        self.path, self._keyframes = Path(path), keyframes or max(1, round(KEYFRAME_SECONDS * fps))
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._part = self.path.with_name(self.path.name + ".part")
         self._fps = fps
@@ -59,7 +59,7 @@ class Mp4Writer:
         height, width = frame.shape[:2]
         if height % 2 or width % 2:  # yuv420p halves the resolution of colour
             raise ValueError(f"film {self.path}: frames are {width} x {height}; accepted: even sides")
-        options = {"crf": "20", "preset": "veryfast", "g": str(round(KEYFRAME_SECONDS * self._fps))}
+        options = {"crf": "20", "preset": "veryfast", "g": str(self._keyframes)}
         stream = self._file.add_stream("libx264", rate=Fraction(self._fps).limit_denominator(1000), options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         return stream

@@ -85,8 +85,8 @@ def test_a_checkpoint_is_written_as_often_as_is_asked(tmp_path: Path, point: str
 
     written, original = [], Checkpoints.write
 
-    def write(self: Checkpoints, path: Path) -> None:
-        original(self, path)
+    def write(self: Checkpoints) -> None:
+        original(self)
         written.append(self.stored)
 
     monkeypatch.setattr(Checkpoints, "write", write)

@@ -56,7 +56,7 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
             pipeline.write_json(folder / "status.json", {"replayed": {"tcs": 4.0}})
         return EndedProcess(0)
 
-    monkeypatch.setattr(pipeline.subprocess, "Popen", start)
+    monkeypatch.setattr(subprocess, "Popen", start)
     assert pipeline.Pipeline(options(tmp_path)).run() == 1
     output = capsys.readouterr()
     assert "failed: training of SpoonPour: no such grain" in output.err and "3.00           4.00" in output.out
@@ -94,7 +94,7 @@ def test_settings_go_to_the_stages_of_the_rehearsal(tmp_path, monkeypatch):
             np.savez(make_folder(Path(calls[-1][calls[-1].index("--out") + 1])) / "best.npz", actions=np.zeros((2, 3)))
         return EndedProcess(0)
 
-    monkeypatch.setattr(pipeline.subprocess, "Popen", start)
+    monkeypatch.setattr(subprocess, "Popen", start)
     changed = options(tmp_path, "--set", "learned=[SpoonPour]", "--set", "field.cell=4e-3")
     assert pipeline.Pipeline(changed).run() == 0
     assert [call[:3] for call in calls[:2]] == [["demo", "SpoonPour", "--out"], ["train", "residual", "SpoonPour"]]
@@ -112,7 +112,7 @@ def make_folder(out, *parts: str):
 
 def test_methods_without_demonstrations_make_none(tmp_path, monkeypatch):
     calls = []
-    monkeypatch.setattr(pipeline.subprocess, "Popen", lambda words, **_: calls.append(words[3:]) or EndedProcess(1))
+    monkeypatch.setattr(subprocess, "Popen", lambda words, **_: calls.append(words[3:]) or EndedProcess(1))
     assert pipeline.Pipeline(options(tmp_path, "--method", "sac", "--jobs", "3")).run() == 1
     assert [words[0] for words in calls] == ["train"] * 3 and not any("--demos" in words for words in calls)
 

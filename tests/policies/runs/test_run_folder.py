@@ -21,7 +21,7 @@ def test_the_best_motion_outlasts_a_resume(tmp_path):
     manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f", "n_envs": 1}
     folder = RunFolder(tmp_path, manifest)
     assert folder.add(row(0, 1.0), 10) and not folder.add(row(1, 0.5), 10)
-    checkpoint.save(folder.checkpoint, None, rows=folder.rows, best=folder.best_return)
+    folder.checkpoint.write_bytes(checkpoint.pack(None, rows=folder.rows, best=folder.best_return))
     _, state = checkpoint.load(folder.checkpoint, None, None)
     folder.close()
     later = RunFolder(tmp_path, manifest)

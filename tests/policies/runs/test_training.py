@@ -10,7 +10,7 @@ import pytest
 import mpm
 
 torch = pytest.importorskip("torch")
-from policies.demonstrations.reading import read_demonstrations, read_start  # noqa: E402
+from policies.demonstrations.reading import read_demonstrations  # noqa: E402
 from policies.learning.options import TrainingOptions  # noqa: E402
 from policies.learning.presets import Actor, Preset, load_preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
@@ -89,7 +89,8 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
     file = tmp_path / "demonstration_0.npz"
     np.savez(file, actions=np.zeros((100, 3)), task=np.array("SpoonTranslate"), seed=np.array(7),
              nominal=np.array(False))
-    assert read_start(file) == (7, {"nominal": False})
+    (read,) = read_demonstrations(tmp_path, 100, 10, 3)
+    assert (read.seed, read.options) == (7, {"nominal": False})
     with pytest.raises(mpm.InvalidValue, match="made for SpoonTranslate; accepted: one for SpoonPour"):
         read_demonstrations(tmp_path, 100, 10, 3, "SpoonPour")
     with pytest.raises(mpm.InvalidValue, match="demonstration_0.npz: made for another start"):
@@ -99,13 +100,13 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
              task=np.array("SpoonTranslate"))
     again = Training("demo", load_preset("demo"), "robosim/SpoonTranslate-v0", tmp_path / "run",
                      TrainingOptions(demos=tmp_path))
-    assert list(again.demonstrations.motions) == ["demonstration_1.npz"]  # the one that begins where episodes do
+    assert [one.name for one in again.demonstrations] == ["demonstration_1.npz"]  # begins where episodes do
     assert again.folder.manifest["task"] == "SpoonTranslate"
     again.folder.close()
     (tmp_path / "demonstration_1.npz").unlink()
     np.savez(file, actions=np.zeros((100, 3)))
-    assert read_start(file) == (0, {"nominal": True})
-    assert list(read_demonstrations(tmp_path, 100, 10, 3, "SpoonPour")) == [file.name]
+    (read,) = read_demonstrations(tmp_path, 100, 10, 3, "SpoonPour")
+    assert (read.name, read.seed, read.options) == (file.name, 0, {"nominal": True})
 
 
 @pytest.mark.parametrize(("method", "obs"), [("bc", "dict"), ("gail", "dict"), ("pointnet_sac", "positions"),
