@@ -60,18 +60,12 @@ def code_digest(*modules: str, with_data: bool = True) -> str:
     They change with the syntax of the modules and of all of ours that these import, directly or not, and with the
     versions of the libraries that compute. with_data: and with all bundled configurations and models.
     """
-    total = hashlib.sha256(library_versions().encode())
+    total = hashlib.sha256(" ".join(version(name) for name in LIBRARIES).encode())
     total.update(data_digest() if with_data else b"")
     for path in source_files(*modules):
         total.update(f"{path.stem} {read_module(path).digest} ".encode())
     _store_memo()
     return total.hexdigest()[:12]
-
-
-@cache
-def library_versions() -> str:
-    """Return the versions of the libraries that compute."""
-    return " ".join(version(name) for name in LIBRARIES)
 
 
 @cache
@@ -106,14 +100,8 @@ def source_files(*modules: str) -> list[Path]:
         path = waiting.pop()
         if path not in files:
             files.add(path)
-            waiting += imported_files(path)
+            waiting += [found for found in map(module_file, read_module(path).imports) if found is not None]
     return sorted(files)
-
-
-@cache
-def imported_files(path: Path) -> list[Path]:
-    """Return the files of our modules that a file imports."""
-    return [found for found in map(module_file, read_module(path).imports) if found is not None]
 
 
 @cache

@@ -1,6 +1,5 @@
 """A run as a bag of ROS 2: joints, wrenches, poses, grains, pictures and the planned motion."""
 
-import csv
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ from robosim.base.input_files import read_text
 from robosim.base.progress import Progress
 from robosim.config.settings import parse_yaml
 from robosim.conversion import messages
+from robosim.conversion.joint_log import AXES, read_rows, to_numbers
 from robosim.conversion.messages import STORE
 from robosim.recordings.reader import Recording, find_recordings
 
@@ -24,7 +24,6 @@ WORLD = "world"
 IMAGE_WIDTH = 640
 """Of pictures [pixels]: larger ones fill a disk without a codec."""
 PLUGINS = {"mcap": StoragePlugin.MCAP, "rosbag2": StoragePlugin.SQLITE3}
-MOST_ROWS = 10_000_000
 
 
 class Message(NamedTuple):
@@ -87,24 +86,14 @@ def collect(run: Path, recording: Recording) -> Iterator[Message]:
 
 def _joints(path: Path) -> Iterator[Message]:
     """Yield joint states and wrist wrenches of trajectory.csv."""
-    with path.open(newline="") as file:
-        rows = csv.DictReader(file)
-        names = [name.removeprefix("q_").removesuffix("_rad") for name in rows.fieldnames or ()
-                 if name.startswith("q_")]
-        for number, row in enumerate(rows):
-            if number >= MOST_ROWS:
-                raise ConfigError(f"{path}: more than {MOST_ROWS} rows")
-            try:
-                time = float(row["time_s"])
-                q, qd, torque = (np.array([float(row[form.format(name)]) for name in names])
-                                 for form in ("q_{}_rad", "qd_{}_rad_s", "sensed_torque_{}_Nm"))
-                wrist = np.array([float(row[f"wrist_{axis}"]) for axis in ("fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm",
-                                                                           "tz_Nm")])
-            except (KeyError, ValueError) as error:
-                raise ConfigError(f"{path}: row {number + 2}: {error}; accepted: as `robosim rehearse` writes it"
-                                  ) from None
-            yield Message("/joint_states", time, messages.joint_state(time, names, q, qd, torque))
-            yield Message("/wrist/wrench", time, messages.wrench(time, WORLD, wrist))
+    rows = read_rows(path)
+    names = [name.removeprefix("q_").removesuffix("_rad") for name in rows[0] if name.startswith("q_")]
+    columns = [form.format(name) for form in ("q_{}_rad", "qd_{}_rad_s", "sensed_torque_{}_Nm") for name in names]
+    n = len(names)
+    for time, *values in to_numbers(path, rows, ["time_s", *columns, *(f"wrist_{axis}" for axis in AXES)]).tolist():
+        q, qd, torque, wrist = np.split(values, [n, 2 * n, 3 * n])
+        yield Message("/joint_states", time, messages.joint_state(time, names, q, qd, torque))
+        yield Message("/wrist/wrench", time, messages.wrench(time, WORLD, wrist))
 
 
 def _pictures(path: Path) -> Iterator[Message]:

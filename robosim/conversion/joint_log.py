@@ -1,7 +1,6 @@
 """Reading what a robot recorded of a motion: joint angles and wrist wrench, from a CSV file or a bag."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -59,29 +58,36 @@ def read_joint_log(path: Path, joints: Sequence[str], base: str = "world") -> Jo
     return log
 
 
-def _read_csv(path: Path, joints: Sequence[str]) -> JointLog:
+def read_rows(path: Path) -> list[list[str]]:
+    """Return the rows of a CSV file, the names of its columns first. Raises ConfigError where it cannot be read."""
     try:
-        lines = read_text(path, MOST_BYTES).splitlines()
+        return [[word.strip() for word in line.split(",")] for line in read_text(path, MOST_BYTES).splitlines() or [""]]
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: cannot be read: {str(error).removeprefix(f'{path}: ')}") from None
-    columns = [name.strip() for name in lines[0].split(",")] if lines else []
-    names = [f"q_{joint}_rad" for joint in joints]
-    for name in ("time_s", *names):
+
+
+def to_numbers(path: Path, rows: list[list[str]], names: Sequence[str]) -> np.ndarray:
+    """Return the numbers (n, names) of columns; empty rows are left out. Raises ConfigError where one is missing."""
+    columns, values = rows[0], []
+    for name in names:
         if name not in columns:
-            raise ConfigError(f"{path}: no column {name} among {', '.join(columns)}; accepted: a file with time_s, "
+            raise ConfigError(f"{path}: no column {name} among {', '.join(columns)}; accepted: a file with "
                               f"{', '.join(names)}")
-    wrench = next((word for word in WRENCHES if all(f"{word}_{axis}" in columns for axis in AXES)), None)
-    names = ["time_s", *names, *([] if wrench is None else [f"{wrench}_{axis}" for axis in AXES])]
-    chosen, values = [columns.index(name) for name in names], []
-    for number, line in enumerate(lines[1:], 2):
-        if not line.strip():
-            continue
-        row = line.split(",")
+    chosen = [columns.index(name) for name in names]
+    for number, row in enumerate(rows[1:], 2):
         try:
-            values.append([float(row[k]) for k in chosen])
+            if row != [""]:
+                values.append([float(row[k]) for k in chosen])
         except (ValueError, IndexError) as error:
             raise ConfigError(f"{path}: row {number}: {error}; accepted: {len(columns)} numbers") from None
-    table = np.array(values).reshape(-1, len(names))
+    return np.array(values).reshape(-1, len(names))
+
+
+def _read_csv(path: Path, joints: Sequence[str]) -> JointLog:
+    rows = read_rows(path)
+    wrench = next((word for word in WRENCHES if all(f"{word}_{axis}" in rows[0] for axis in AXES)), None)
+    table = to_numbers(path, rows, ["time_s", *(f"q_{joint}_rad" for joint in joints),
+                                    *(f"{wrench}_{axis}" for axis in (AXES if wrench else ()))])
     n = 1 + len(joints)
     readings = None if wrench is None else Samples(table[:, 0], table[:, n:])
     return JointLog(path, Samples(table[:, 0], table[:, 1:n]), readings, WRENCHES[wrench or "wrist"])
@@ -110,7 +116,9 @@ def _read_bag(path: Path, joints: Sequence[str], world: Sequence[str]) -> JointL
                 time = stamp.sec + 1e-9 * stamp.nanosec
                 if kind == "WrenchStamped":
                     frames[connection.topic] = message.header.frame_id
-                    wrenches.setdefault(connection.topic, []).append([time, *_wrench_values(message.wrench)])
+                    parts = message.wrench.force, message.wrench.torque
+                    wrenches.setdefault(connection.topic, []).append([time, *(
+                        getattr(part, axis) for part in parts for axis in "xyz")])
                 elif set(joints) <= set(message.name) and len(message.position) == len(message.name):
                     order = [list(message.name).index(joint) for joint in joints]
                     states.setdefault(connection.topic, []).append([time, *np.asarray(message.position)[order]])
@@ -136,10 +144,6 @@ def _samples(rows: list) -> Samples:
     return Samples(table[:, 0], table[:, 1:])
 
 
-def _wrench_values(wrench: Any) -> list[float]:
-    return [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
-
-
 def _check_times(path: Path, what: str, samples: Samples) -> None:
     """Raise ConfigError unless samples are finite, enough, and in order without a gap."""
     times = samples.times
@@ -148,7 +152,7 @@ def _check_times(path: Path, what: str, samples: Samples) -> None:
     if not (np.isfinite(times).all() and np.isfinite(samples.values).all()):
         bad = int(np.flatnonzero(~np.isfinite(np.column_stack(samples)).all(1))[0])
         raise ConfigError(f"{path}: {what}: sample {bad + 1} is not finite; accepted: numbers")
-    for k, (before, after) in enumerate(pairwise(times), 2):
-        if not 0.0 < after - before <= MOST_GAP:
-            raise ConfigError(f"{path}: {what}: sample {k} comes {after - before:.4g} s after the one before it; "
-                              f"accepted: above 0, up to {MOST_GAP} s")
+    gaps = np.diff(times)
+    for k in np.flatnonzero(~((gaps > 0.0) & (gaps <= MOST_GAP)))[:1]:
+        raise ConfigError(f"{path}: {what}: sample {k + 2} comes {gaps[k]:.4g} s after the one before it; accepted: "
+                          f"above 0, up to {MOST_GAP} s")

@@ -1,6 +1,6 @@
 """What a recording says about its scene, before its frames."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -114,22 +114,15 @@ class RecordingHeader(Table):
         return [body for body in self.bodies if body.moves]
 
 
-def three(values: ArrayLike) -> tuple[float, float, float]:
-    """Return a vector (3,) as numbers of Python."""
-    x, y, z = map(float, np.asarray(values))
-    return x, y, z
-
-
-def four(values: ArrayLike) -> tuple[float, float, float, float]:
-    """Return a quaternion (4,) as numbers of Python."""
-    w, x, y, z = map(float, np.asarray(values))
-    return w, x, y, z
+def floats(values: ArrayLike) -> Any:
+    """Return a vector (n,) as a tuple of numbers of Python."""
+    return tuple(map(float, np.asarray(values)))
 
 
 def region_entry(name: str, region: mpm.Region, pose: mpm.Pose | None = None, body: str = "",
                  is_place: bool = True, is_marked: bool = False) -> RegionEntry:
     """Make the entry of a region of the field; pose: of its frame in the world, or in that of its body."""
     centre = region.centre if pose is None else pose.apply(np.array([region.centre]))[0]
-    return RegionEntry(name=name, body=body, position=three(centre), half=three(np.minimum(region.half, LARGEST_HALF)),
-                       quaternion=(1.0, 0.0, 0.0, 0.0) if pose is None else four(pose.quaternion), round=region.round,
-                       is_place=is_place, is_marked=is_marked)
+    return RegionEntry(name=name, body=body, position=floats(centre), round=region.round,
+                       half=floats(np.minimum(region.half, LARGEST_HALF)), is_place=is_place, is_marked=is_marked,
+                       quaternion=(1.0, 0.0, 0.0, 0.0) if pose is None else floats(pose.quaternion))

@@ -11,9 +11,9 @@ import mpm
 from robosim.base.errors import ConfigError
 from robosim.recordings.appearance import body_name, pack_appearance, viewed_bodies
 from robosim.recordings.frames import GrainState, SceneState
-from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, RecordingHeader, four, three
+from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, RecordingHeader, floats
 from robosim.recordings.writer import RecordingWriter
-from robosim.rendering.body_shapes import body_shapes
+from robosim.rendering.body_shapes import body_shapes, can_move
 from robosim.rendering.grain_skin import GRAIN_RADIUS
 
 FRAME_RATE = 20.0
@@ -42,17 +42,19 @@ class SceneRecorder:
         self._solver, self._interval, self._next = solver, 1.0 / frame_rate, float(data.time)
         shapes = body_shapes(model)
         drawn = sorted(shapes.keys() | viewed_bodies(model))
-        self._moving = [body for body in drawn if moves(model, body)]
+        moves = can_move(model)
+        self._moving = [body for body in drawn if moves[body]]
         grid = solver.grid if solver is not None else None
         self._pressures = read_grains(solver).pressures  # compiles what reads stresses
-        volume = 1e-9 if solver is None else grain_volume or _mean_volume(solver)
+        volume = 1e-9 if solver is None else grain_volume or float(np.mean(solver.masses() / solver.densities()))
         header = RecordingHeader(
             version=VERSION, frame_rate=frame_rate,
             grains=0 if solver is None else int(sum(solver.particles.counts)),
-            grain_radius=GRAIN_RADIUS * volume ** (1 / 3), colour=three(np.asarray(colour[:3])),
-            lower=three(np.zeros(3) if grid is None else grid.lower),
-            upper=three(np.ones(3) if grid is None else np.asarray(grid.lower) + grid.cells * grid.cell),
-            bodies=[_body_entry(model, data, body, body in self._moving) for body in drawn],
+            grain_radius=GRAIN_RADIUS * volume ** (1 / 3), colour=floats(colour[:3]),
+            lower=floats(np.zeros(3) if grid is None else grid.lower),
+            upper=floats(np.ones(3) if grid is None else np.asarray(grid.lower) + grid.cells * grid.cell),
+            bodies=[BodyEntry(name=body_name(model, body), moves=bool(moves[body]), position=floats(data.xpos[body]),
+                              quaternion=floats(data.xquat[body])) for body in drawn],
             cameras=list(_cameras(model, data)), **more)
         self.writer = RecordingWriter(path, header, {body_name(model, body): shape for body, shape in shapes.items()},
                                       paths, pack_appearance(model))
@@ -100,21 +102,6 @@ def read_grains(solver: mpm.Solver | None, pressures: np.ndarray | None = None) 
     return GrainState(solver.positions(), np.linalg.norm(solver.velocities(), axis=1), pressures, solver.awake)
 
 
-def moves(model: mujoco.MjModel, body: int) -> bool:
-    """Return whether the pose of a body can change: by joints, or as a mocap body's part."""
-    root = int(model.body_weldid[body])
-    return root != 0 or model.body_mocapid[model.body_rootid[body]] >= 0
-
-
-def _mean_volume(solver: mpm.Solver) -> float:
-    return float(np.mean(solver.masses() / solver.densities()))
-
-
-def _body_entry(model: mujoco.MjModel, data: mujoco.MjData, body: int, is_moving: bool) -> BodyEntry:
-    return BodyEntry(name=body_name(model, body), moves=is_moving, position=three(data.xpos[body]),
-                     quaternion=four(data.xquat[body]))
-
-
 def _cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[CameraEntry]:
     """Return the cameras that stand still."""
     entries = []
@@ -124,6 +111,6 @@ def _cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[CameraEntry]:
         position, aimed = data.cam_xpos[camera], int(model.cam_targetbodyid[camera])
         target = data.xpos[aimed] if aimed >= 0 else \
             position - VIEW_DISTANCE * data.cam_xmat[camera].reshape(3, 3)[:, 2]
-        entries.append(CameraEntry(name=model.camera(camera).name or f"camera {camera}", position=three(position),
-                                   target=three(target), fov_deg=float(np.clip(model.cam_fovy[camera], 2.0, 160.0))))
+        entries.append(CameraEntry(name=model.camera(camera).name or f"camera {camera}", position=floats(position),
+                                   target=floats(target), fov_deg=float(np.clip(model.cam_fovy[camera], 2.0, 160.0))))
     return entries

@@ -10,7 +10,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.episode.sheet import LOAD
 from robosim.planning.waypoint_path import is_in_container
 from robosim.recordings.frames import GrainState
-from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, region_entry, three
+from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, floats, region_entry
 from robosim.recordings.places import find_placed
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.mass_balance import GRAVITY
@@ -64,7 +64,7 @@ def finish_recording(run: RehearsalRun, recorder: SceneRecorder) -> None:
 def list_waypoints(run: RehearsalRun, passages: list[tuple[float, str]]) -> list[WaypointEntry]:
     """Return the entries of waypoints at times [s]."""
     path, places = run.plan.path, {DOSE: run.config.dose_at}
-    return [WaypointEntry(name=name, time=time, position=three(path.pose(path.times[places.get(name, name)]).position))
+    return [WaypointEntry(name=name, time=time, position=floats(path.pose(path.times[places.get(name, name)]).position))
             for time, name in passages]
 
 

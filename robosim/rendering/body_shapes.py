@@ -1,5 +1,7 @@
 """Shapes of a MuJoCo model's bodies, as files of the glTF format that browsers and other tools read."""
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 import trimesh
@@ -20,19 +22,30 @@ DEFAULT_COLOUR = (0.5, 0.5, 0.5, 1.0)
 """Of a geom without colour; then its material's holds."""
 
 
+def can_move(model: mujoco.MjModel) -> np.ndarray:
+    """Return which bodies (nbody,) can move: with a joint, on a mocap body, or on a body that can move."""
+    moves = np.zeros(model.nbody, bool)
+    for body in range(1, model.nbody):
+        moves[body] = moves[model.body_parentid[body]] or model.body_dofnum[body] > 0 or model.body_mocapid[body] >= 0
+    return moves
+
+
 def body_shapes(model: mujoco.MjModel) -> dict[int, bytes]:
     """Return a .glb file for each body with visible geoms, in the body's frame [m]."""
     scenes: dict[int, trimesh.Scene] = {}
-    for geom in range(model.ngeom):
-        colour = geom_colour(model, geom)
-        if model.geom_group[geom] not in SHOWN_GROUPS or colour[3] == 0.0:
-            continue
-        mesh = geom_mesh(model, geom)
-        if mesh is None:
-            continue
-        mesh.visual = TextureVisuals(material=_material(model, geom, colour))
-        scenes.setdefault(int(model.geom_bodyid[geom]), trimesh.Scene()).add_geometry(mesh)
+    for geom, body, mesh in shown_meshes(model):
+        mesh.visual = TextureVisuals(material=_material(model, geom))
+        scenes.setdefault(body, trimesh.Scene()).add_geometry(mesh)
     return {body: export_glb(scene) for body, scene in scenes.items()}
+
+
+def shown_meshes(model: mujoco.MjModel, *, exact: bool = False) -> Iterator[tuple[int, int, trimesh.Trimesh]]:
+    """Yield each visible geom, its body and its surface in the body's frame [m]; exact: as of `geom_mesh`."""
+    for geom in range(model.ngeom):
+        if model.geom_group[geom] in SHOWN_GROUPS and geom_colour(model, geom)[3] > 0.0:
+            mesh = geom_mesh(model, geom, exact=exact)
+            if mesh is not None:
+                yield geom, int(model.geom_bodyid[geom]), mesh
 
 
 def export_glb(scene: trimesh.Scene) -> bytes:
@@ -48,8 +61,8 @@ def geom_colour(model: mujoco.MjModel, geom: int) -> np.ndarray:
     return model.mat_rgba[material] if material >= 0 and np.allclose(own, DEFAULT_COLOUR) else own
 
 
-def _material(model: mujoco.MjModel, geom: int, colour: np.ndarray) -> PBRMaterial:
-    material = model.geom_matid[geom]
+def _material(model: mujoco.MjModel, geom: int) -> PBRMaterial:
+    material, colour = model.geom_matid[geom], geom_colour(model, geom)
     shine = float(model.mat_shininess[material]) if material >= 0 else 0.3
     metal = float(model.mat_metallic[material]) if material >= 0 else 0.0
     return PBRMaterial(baseColorFactor=np.rint(255 * np.asarray(colour)).astype(np.uint8), doubleSided=colour[3] < 1.0,
@@ -97,16 +110,13 @@ def _surface(model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, size: np.nd
         extent = np.where(size[:2] > 0.0, 2.0 * size[:2], floor)
         return trimesh.creation.box([*extent, 1e-4])
     if kind == kinds.mjGEOM_MESH:
-        return _asset(model, int(model.geom_dataid[geom]))
+        mesh = model.geom_dataid[geom]
+        vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
+        return trimesh.Trimesh(vertices.astype(float), model.mesh_face[model.mesh_faceadr[mesh] :][
+            : model.mesh_facenum[mesh]])
     if kind == kinds.mjGEOM_HFIELD:
         return _height_field(model, int(model.geom_dataid[geom]))
     return None
-
-
-def _asset(model: mujoco.MjModel, mesh: int) -> trimesh.Trimesh:
-    vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
-    faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
-    return trimesh.Trimesh(vertices.astype(float), faces)
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> trimesh.Trimesh:

@@ -6,7 +6,7 @@ import numpy as np
 import mpm
 from mpm.observers.depth_image import DepthImage, Lens, Parts
 from robosim.base.errors import UnknownName
-from robosim.rendering.body_shapes import SHOWN_GROUPS, geom_colour, geom_mesh
+from robosim.rendering.body_shapes import can_move, shown_meshes
 from robosim.rendering.grain_skin import make_crystals
 
 TO_IMAGE = np.diag([1.0, -1.0, -1.0])
@@ -74,23 +74,11 @@ class DepthCamera:
         return pose.apply((rays * depth[..., None]).reshape(-1, 3)).reshape(*depth.shape, 3)
 
 
-def can_move(model: mujoco.MjModel) -> np.ndarray:
-    """Return which bodies (nbody,) can move: with a joint, on a mocap body, or on a body that can move."""
-    moves = np.zeros(model.nbody, bool)
-    for body in range(1, model.nbody):
-        moves[body] = moves[model.body_parentid[body]] or model.body_dofnum[body] > 0 or model.body_mocapid[body] >= 0
-    return moves
-
-
 def read_triangles(model: mujoco.MjModel, chosen: np.ndarray) -> Parts:
     """Return the triangles of what is drawn of the bodies chosen (nbody,); each body is a part."""
     triangles, bodies = [np.zeros((0, 3, 3))], [np.zeros(0, int)]
-    for geom in range(model.ngeom):
-        body = int(model.geom_bodyid[geom])
-        if not chosen[body] or model.geom_group[geom] not in SHOWN_GROUPS or geom_colour(model, geom)[3] == 0.0:
-            continue
-        mesh = geom_mesh(model, geom, exact=True)
-        if mesh is not None:
+    for _, body, mesh in shown_meshes(model, exact=True):
+        if chosen[body]:
             triangles.append(np.asarray(mesh.triangles))
             bodies.append(np.full(len(mesh.faces), body))
     return Parts(np.concatenate(triangles), np.concatenate(bodies), model.nbody)

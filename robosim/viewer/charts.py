@@ -36,7 +36,10 @@ class Charts:
             for name, columns in groups.items():
                 drawn = [curves[k] for k in columns]
                 self._handles.append(server.gui.add_uplot(
-                    data=tuple(np.zeros(2) for _ in range(len(columns) + 2)), series=make_series(drawn),
+                    data=tuple(np.zeros(2) for _ in range(len(columns) + 2)), series=(
+                        uplot.Series(label="t [s]"),
+                        *(uplot.Series(label=curve.name, stroke=COLOURS[k % len(COLOURS)], width=1.5)
+                          for k, curve in enumerate(drawn)), uplot.Series(label="now", stroke="#222222", width=1.0)),
                     title=f"{name} [{drawn[0].unit}]" if drawn[0].unit else name, height=HEIGHT,
                     scales=make_scales(0.0, 1.0), legend=uplot.Legend(show=True)))
         panel.dock_left()
@@ -55,13 +58,6 @@ class Charts:
             return
         for handle, columns, (low, high) in zip(self._handles, self._columns, self._ranges):
             handle.data = add_cursor(times, values[:, columns].T, self._history.nearest(time), low, high)
-
-
-def make_series(curves: list[CurveEntry]) -> tuple[uplot.Series, ...]:
-    """Return the series of a chart: time, curves and cursor."""
-    lines = [uplot.Series(label=curve.name, stroke=COLOURS[k % len(COLOURS)], width=1.5)
-             for k, curve in enumerate(curves)]
-    return (uplot.Series(label="t [s]"), *lines, uplot.Series(label="now", stroke="#222222", width=1.0))
 
 
 def make_scales(low: float, high: float) -> dict[str, uplot.Scale]:

@@ -10,7 +10,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.learned_motions import place_target
 from robosim.planning.plan import Plan, plan_motion
 from robosim.planning.robot_clearance import Nearest, RobotClearance
-from robosim.recordings.header import CurveEntry, WaypointEntry, three
+from robosim.recordings.header import CurveEntry, WaypointEntry, floats
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.rehearsal.recorder import PATH_POINTS, counting_regions
 from robosim.scene.build import compile_rehearsal
@@ -43,7 +43,7 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
     data.qpos[scene.arm_qpos] = motions[0].state(0.0).q
     mujoco.mj_forward(scene.model, data)
     times = np.linspace(0.0, plan.path.duration, PATH_POINTS)
-    waypoints = [WaypointEntry(name=name, time=begin + time, position=three(plan.path.pose(time).position))
+    waypoints = [WaypointEntry(name=name, time=begin + time, position=floats(plan.path.pose(time).position))
                  for name, time in plan.path.times.items()]
     clearance = RobotClearance(scene, plan.arm)
     recorder = SceneRecorder(path, scene.model, data, None, kind="plan", title=f"plan: {config.description}",

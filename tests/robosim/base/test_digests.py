@@ -24,7 +24,7 @@ def package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
 
 def forget() -> None:
     """Forget what this process has read."""
-    for function in (code_digest, digests.module_file, digests.imported_files, digests.read_module, digests._memo):
+    for function in (code_digest, digests.module_file, digests.read_module, digests._memo):
         function.cache_clear()
 
 
