@@ -120,7 +120,11 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
         for recording in recordings:
             with Pictures(recording, style) as pictures:
                 writer = writer or stack.enter_context(Mp4Writer(path, fps=rate))
-                chosen = dict(_choose(recording))
+                times, values = recording.values()
+                names = [curve.name for curve in recording.header.curves]
+                loads = values[:, names.index(LOAD)] if LOAD in names else np.full(len(times), np.nan)
+                chosen = dict(choose_frames(np.column_stack([times, loads]),
+                                            [(entry.time, entry.name) for entry in recording.waypoints]))
                 for k in range(len(recording)):
                     time = recording.scene(k).time
                     picture = Image.fromarray(pictures.draw(k))
@@ -132,13 +136,6 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
                         sheet[f"{chosen[k]}, {time:.1f} s"] = frame
                     progress.update()
     return sheet
-
-
-def _choose(recording: Recording) -> list[tuple[int, str]]:
-    times, values = recording.values()
-    names = [curve.name for curve in recording.header.curves]
-    loads = values[:, names.index(LOAD)] if LOAD in names else np.full(len(times), np.nan)
-    return choose_frames(np.column_stack([times, loads]), [(entry.time, entry.name) for entry in recording.waypoints])
 
 
 def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
@@ -190,10 +187,9 @@ class Pictures:
         self._model = compile_spec(spec)
         self._data = mujoco.MjData(self._model)
         name = find_camera(self._model, style.camera or CAMERAS.get(header.kind, CLOSE), bool(header.hand))
-        self._camera: Callable[[float], str | mujoco.MjvCamera] = lambda time: name
-        if name == FOLLOW:
-            follow = FollowCamera(self._model, header.hand, header.tool)
-            self._camera = lambda time: follow.follow(self._data, time)
+        follow = FollowCamera(self._model, header.hand, header.tool) if name == FOLLOW else None
+        self._camera: Callable[[float], str | mujoco.MjvCamera] = lambda time: \
+            follow.follow(self._data, time) if follow else name
         width, height = 2 * round(style.height * 8 / 9), style.height - style.height % 2  # even as films need it
         self._renderer = SceneRenderer(self._model, header.grains, width, height)
 

@@ -1,10 +1,10 @@
 """Reading a recording: its scene, and any of its frames."""
 
 import json
-from collections import OrderedDict
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 import pydantic
@@ -22,17 +22,10 @@ MOST_BLOCK = 1 << 30
 """Bytes of one block, unpacked."""
 KEPT_GROUPS = 4
 """Groups of frames, from one with whole positions to the next, that are kept unpacked."""
-
-
 WAYPOINT_LIST = pydantic.TypeAdapter(list[WaypointEntry])
 T = TypeVar("T")
-
-
-class Block(NamedTuple):
-    """Where the content of a block lies in the file."""
-
-    start: int
-    size: int
+Block = tuple[int, int]
+"""Where the content of a block lies in the file: its first byte, and its size."""
 
 
 class Recording:
@@ -55,11 +48,12 @@ class Recording:
         self._header: RecordingHeader | None = None
         self._scenes: list[Block] = []
         self._grains: list[Block] = []
-        self._groups: OrderedDict[int, list[GrainState]] = OrderedDict()
+        self._unpack = lru_cache(KEPT_GROUPS)(self._unpack_group)
         try:
             self._file: BinaryIO = path.open("rb")
         except OSError as error:
             raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+        self.close = self._file.close
         self._next = len(MAGIC)
         try:
             if self._file.read(len(MAGIC)) != MAGIC:
@@ -88,13 +82,11 @@ class Recording:
         while self._next + BLOCK.size <= end:
             self._file.seek(self._next)
             kind, size = BLOCK.unpack(self._file.read(BLOCK.size))
-            place = Block(self._next + BLOCK.size, size)
-            if place.start + size > end:
+            start = self._next + BLOCK.size
+            if start + size > end:
                 break  # still being written, or cut
-            self._take(kind, place)
-            self._next = place.start + size
-        if before % KEY_INTERVAL:
-            self._groups.pop(before // KEY_INTERVAL, None)
+            self._take(kind, (start, size))
+            self._next = start + size
         return len(self) - before
 
     def _take(self, kind: bytes, place: Block) -> None:
@@ -117,7 +109,7 @@ class Recording:
             elif len(content) % 12 == 0:
                 self.paths[name.decode(errors="replace")] = np.frombuffer(content, "<f4").reshape(-1, 3)
         else:
-            raise self._damage(ValueError(f"at byte {place.start}: a block of kind {kind!r}"))
+            raise self._damage(ValueError(f"at byte {place[0]}: a block of kind {kind!r}"))
 
     def __len__(self) -> int:
         return len(self._grains)
@@ -131,19 +123,14 @@ class Recording:
 
     def grains(self, k: int) -> GrainState:
         """Return the grains of the k-th frame. Raises ConfigError for a damaged one."""
-        group = k // KEY_INTERVAL
-        if group not in self._groups:
-            self._groups[group] = self._unpack_group(group)
-            if len(self._groups) > KEPT_GROUPS:
-                self._groups.popitem(last=False)
-        self._groups.move_to_end(group)
-        return self._groups[group][k % KEY_INTERVAL]
+        k = range(len(self))[k]
+        begin = k - k % KEY_INTERVAL
+        return self._unpack(begin, min(begin + KEY_INTERVAL, len(self)))[k - begin]
 
-    def _unpack_group(self, group: int) -> list[GrainState]:
+    def _unpack_group(self, begin: int, end: int) -> list[GrainState]:
         codec = GrainCodec(self.header.lower, self.header.upper)
         try:
-            return [codec.unpack(self._content(place))
-                    for place in self._grains[group * KEY_INTERVAL : (group + 1) * KEY_INTERVAL]]
+            return [codec.unpack(self._content(place)) for place in self._grains[begin:end]]
         except ValueError as error:
             raise self._damage(error) from None
 
@@ -156,11 +143,11 @@ class Recording:
         return ConfigError(f"{self.path}: damaged: {error}; record the run again")
 
     def _content(self, place: Block) -> bytes:
-        self._file.seek(place.start)
+        self._file.seek(place[0])
         try:
-            return zstandard.ZstdDecompressor().decompress(self._file.read(place.size), max_output_size=MOST_BLOCK)
+            return zstandard.ZstdDecompressor().decompress(self._file.read(place[1]), max_output_size=MOST_BLOCK)
         except zstandard.ZstdError as error:
-            raise self._damage(ValueError(f"at byte {place.start}: {error}")) from None
+            raise self._damage(ValueError(f"at byte {place[0]}: {error}")) from None
 
     def _parse_header(self, content: bytes) -> RecordingHeader:
         try:
@@ -180,10 +167,6 @@ class Recording:
         except pydantic.ValidationError as error:
             raise ConfigError(f"{self.path}: header: " + list_errors([describe(e, RecordingHeader)
                                                                     for e in error.errors()])) from None
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     def __enter__(self) -> "Recording":
         return self

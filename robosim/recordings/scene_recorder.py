@@ -58,6 +58,7 @@ class SceneRecorder:
             cameras=list(_cameras(model, data)), **more)
         self.writer = RecordingWriter(path, header, {body_name(model, body): shape for body, shape in shapes.items()},
                                       paths, pack_appearance(model))
+        self.close = self.writer.close
 
     def is_due(self, time: float) -> bool:
         """Return whether a frame is due at a time [s]."""
@@ -81,15 +82,6 @@ class SceneRecorder:
         numbers = np.asarray(values(grains) if values else [], float)
         self.writer.add(SceneState(float(data.time), poses, row, numbers), grains)
         return True
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether the file is finished."""
-        return self.writer.is_closed
-
-    def close(self) -> None:
-        """Finish the file under its name. May be called twice."""
-        self.writer.close()
 
 
 def read_grains(solver: mpm.Solver | None, pressures: np.ndarray | None = None) -> GrainState:

@@ -54,7 +54,7 @@ def make_recorder(run: RehearsalRun, path: Path, frame_rate: float = FRAME_RATE)
 def finish_recording(run: RehearsalRun, recorder: SceneRecorder) -> None:
     """Add the waypoints after a dose, if it came to its end, and close the recording. May be called twice."""
     try:
-        if run.driver.delay > 0.0 and not recorder.is_closed:
+        if run.driver.delay > 0.0 and not recorder.writer.is_closed:
             recorder.writer.add_waypoints(list_waypoints(run, [(time + run.driver.delay, name) for time, name in
                                                                run.passages_after_dose()]))
     finally:

@@ -15,7 +15,7 @@ from robosim.episode.film import FilmFailed
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.rehearsal.readings import align_signs
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rendering.video import count_frames, read_frames
+from robosim.rendering.video import read_frames
 from robosim.robot.ros_trajectory import make_gripper_commands, make_joint_trajectory
 from robosim.scene.grasp import CLOSING_SHARE
 
@@ -65,9 +65,7 @@ class Result:
     def frames(self, count: int = 9) -> list[np.ndarray]:
         """Return pictures (height, width, 3) of the film, evenly spaced in time; none where no film was made."""
         film = self.folder / "rehearsal.mp4"
-        if not film.is_file():
-            return []
-        return read_frames(film, np.unique(np.linspace(0, count_frames(film) - 1, count).round().astype(int)).tolist())
+        return read_frames(film, count) if film.is_file() else []
 
     def save(self, folder: str | Path) -> Path:
         """Copy all files into a folder, and return it; files of an earlier run there are replaced."""

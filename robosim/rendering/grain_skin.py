@@ -24,27 +24,24 @@ GRAIN_VERTICES = FACES.size
 
 
 def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLike, name: str = GRAIN_SKIN) -> None:
-    """Add a skin of grains with a mean radius [m] and a colour rgba (4,).
+    """Add a skin of grains with a mean radius [m] and a colour rgba (4,), at the world's origin.
 
-    They are at the world's origin. A second one, MARKED_SKIN, has the colour of grains that are marked. Raises
-    ValueError unless count and radius are positive.
+    A second one, MARKED_SKIN, has the colour of grains that are marked. Raises ValueError unless count and radius are
+    positive.
     """
     if count < 1 or radius <= 0.0:
         raise ValueError(f"grain skin: count {count} and radius {radius} m must both be positive")
     vertices = count * GRAIN_VERTICES
     spec.worldbody.add_body(name=name)
-    spec.add_skin(
-        name=name, rgba=np.asarray(rgba, float).tolist(), vert=make_crystals(count, radius).ravel().tolist(),
-        face=list(range(vertices)), bodyname=[name], bindpos=[0.0, 0.0, 0.0],
-        bindquat=[1.0, 0.0, 0.0, 0.0], vertid=[list(range(vertices))], vertweight=[[1.0] * vertices],
-    )  # fmt: skip
+    spec.add_skin(name=name, rgba=np.asarray(rgba, float).tolist(), vert=make_crystals(count, radius).ravel().tolist(),
+                  face=list(range(vertices)), bodyname=[name], bindpos=[0.0, 0.0, 0.0], bindquat=[1.0, 0.0, 0.0, 0.0],
+                  vertid=[list(range(vertices))], vertweight=[[1.0] * vertices])
 
 
 def make_crystals(count: int, radius: float, seed: int = 0) -> Array:
-    """Make the facets (count, 24, 3) [m] of octahedra about the origin.
+    """Make the facets (count, 24, 3) [m] of octahedra about the origin, of a mean radius [m].
 
-    radius: mean radius [m]. Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are
-    uniform.
+    Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are uniform.
     """
     rng = np.random.default_rng(seed)
     stretch = rng.uniform(0.75, 1.25, (count, 1, 3))
@@ -56,11 +53,9 @@ def make_crystals(count: int, radius: float, seed: int = 0) -> Array:
 def draw_rotations(rng: np.random.Generator, count: int) -> Array:
     """Draw uniform random rotation matrices (count, 3, 3)."""
     w, x, y, z = (q := rng.normal(size=(4, count))) / np.linalg.norm(q, axis=0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
+    rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
     return np.moveaxis(np.array(rows), 2, 0)
 
 
@@ -79,10 +74,9 @@ def compute_normals(facets: Array) -> Array:
 
 
 def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool_]:
-    """Find the grains at positions (n, 3) [m] inside a heap.
+    """Return which grains (n,) at positions (n, 3) [m] lie inside a heap: none of the cubes around theirs is empty.
 
-    None of the cubes around theirs is empty. cell: side of the cubes [m]. Returns (n,) bool. Without hidden grains the
-    picture is the same at half the cost.
+    cell: side of the cubes [m]. Without hidden grains the picture is the same at half the cost.
     """
     if not len(positions):
         return np.zeros(0, bool)
@@ -98,15 +92,14 @@ def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool
 
 
 def read_facets(model: mujoco.MjModel, grain_count: int) -> Array:
-    """Read the facets (grain_count, 24, 3) [m] of the model's grains.
+    """Read the facets (grain_count, 24, 3) [m], about the origin, of the model's grains.
 
-    They are about the origin. Raises ValueError for a model without a skin of that many grains, or two.
+    Raises ValueError for a model without a skin of that many grains, or two.
     """
     if grain_count == 0:
         return np.empty((0, GRAIN_VERTICES, 3))
     if model.nskin not in (1, 2) or model.nskinvert != model.nskin * grain_count * GRAIN_VERTICES:
-        raise ValueError(
-            f"the model has {model.nskin} skins with {model.nskinvert} vertices; {grain_count} grains need "
-            f"one with {grain_count * GRAIN_VERTICES}: call add_grain_skin(spec, {grain_count}, ...) first"
-        )
+        raise ValueError(f"the model has {model.nskin} skins with {model.nskinvert} vertices; {grain_count} grains "
+                         f"need one with {grain_count * GRAIN_VERTICES}: call add_grain_skin(spec, {grain_count}, ...) "
+                         f"first")
     return np.array(model.skin_vert[: grain_count * GRAIN_VERTICES], float).reshape(grain_count, GRAIN_VERTICES, 3)

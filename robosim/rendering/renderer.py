@@ -23,10 +23,8 @@ class RenderingUnavailable(RobosimError, RuntimeError):
     """No OpenGL context on this machine; the message says how to install one."""
 
     def __init__(self, cause: object) -> None:
-        super().__init__(
-            f"cannot draw without OpenGL ({cause}). On Debian or Ubuntu run: {APT_COMMAND} ; "
-            "and leave MUJOCO_GL unset or set it to egl before Python starts."
-        )
+        super().__init__(f"cannot draw without OpenGL ({cause}). On Debian or Ubuntu run: {APT_COMMAND} ; and leave "
+                         "MUJOCO_GL unset or set it to egl before Python starts.")
 
 
 class SceneRenderer:
@@ -97,10 +95,9 @@ class SceneRenderer:
 
 
 def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0) -> None:
-    """Set the shadow map's side in texels and the samples per pixel.
+    """Set the shadow map's side in texels, the samples per pixel and a largest frame of 1920 x 1080.
 
-    The largest frame is set to 1920 x 1080. On a software rasteriser 4 samples cost about twice the time of the default
-    0.
+    A software rasteriser takes about twice the time for 4 samples.
     """
     spec.visual.quality.shadowsize = shadow_size
     spec.visual.quality.offsamples = samples
@@ -109,10 +106,7 @@ def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0
 
 
 def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
-    """Add the target region to the picture.
-
-    On the table it is a flat mark, in the air a transparent box.
-    """
+    """Add the target region to the picture: a flat mark on the table, a transparent box in the air."""
     flat = target.centre[2] - target.half[2] <= 0.0
     kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID if target.round else mujoco.mjtGeom.mjGEOM_BOX
     body = spec.worldbody.add_body(name=TARGET_MARK,
@@ -123,10 +117,7 @@ def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
 
 
 def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
-    """Open an offscreen renderer of width x height pixels.
-
-    Raises RenderingUnavailable.
-    """
+    """Open an offscreen renderer of width x height pixels. Raises RenderingUnavailable."""
     if not hasattr(mujoco, "GLContext"):  # the case with MUJOCO_GL=disable
         raise RenderingUnavailable("MuJoCo was loaded without its GL modules")
     try:

@@ -3,7 +3,6 @@
 import contextlib
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 
 import av
 import numpy as np
@@ -25,10 +24,10 @@ PICTURE_WIDTH = 640
 class Mp4Writer:
     """Writes frames to an H.264 film in yuv420p, which every player opens.
 
-    Until close() the film is called `path`.part. It is written in fragments, one per key frame, so that the
-    .part of a killed run plays up to its last seconds; close() rewrites it with its index first
-    (faststart), without encoding again. A film that cannot be finished is removed. Raises ValueError for frames of
-    another size or an odd one, OSError for a full disk.
+    Until close() the film is called `path`.part. It is written in fragments, one per key frame, so that the .part of a
+    killed run plays up to its last seconds; close() rewrites it with its index first (faststart), without encoding
+    again. A film that cannot be finished is removed. Raises ValueError for frames of another size or an odd one,
+    OSError for a full disk. keyframes: frames from one key frame to the next; None: KEYFRAME_SECONDS of them.
     """
 
     def __init__(self, path: str | Path, fps: float = 30, keyframes: int | None = None) -> None:
@@ -37,16 +36,12 @@ class Mp4Writer:
         self.path, self._keyframes = Path(path), keyframes or max(1, round(KEYFRAME_SECONDS * fps))
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._part = self.path.with_name(self.path.name + ".part")
-        self._fps = fps
-        self._is_closed = False
+        self._fps, self._is_closed = fps, False
         self._stream: av.VideoStream | None = None
         self._file = av.open(str(self._part), "w", format="mp4", options=FRAGMENTED)
 
     def add(self, frame: Frame) -> None:
-        """Append one frame (height, width, 3).
-
-        All have the size of the first, with even sides.
-        """
+        """Append one frame (height, width, 3); all have the size of the first, with even sides."""
         if self._stream is None:
             self._stream = self._open_stream(frame)
         expected = (self._stream.height, self._stream.width, 3)
@@ -55,7 +50,6 @@ class Mp4Writer:
         self._file.mux(self._stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
 
     def _open_stream(self, frame: Frame) -> av.VideoStream:
-        """Return a stream of the frame's size."""
         height, width = frame.shape[:2]
         if height % 2 or width % 2:  # yuv420p halves the resolution of colour
             raise ValueError(f"film {self.path}: frames are {width} x {height}; accepted: even sides")
@@ -65,10 +59,7 @@ class Mp4Writer:
         return stream
 
     def close(self) -> None:
-        """Finish the film under its final name; without frames no file is left.
-
-        May be called twice.
-        """
+        """Finish the film under its final name; without frames no file is left. May be called twice."""
         if self._is_closed:
             return
         try:
@@ -90,21 +81,14 @@ class Mp4Writer:
     def __enter__(self) -> "Mp4Writer":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Finish the film; after an error remove it, because it is incomplete."""
-        if fault is None:
-            self.close()
-        else:
-            self.discard()
+        (self.close if kind is None else self.discard)()
 
 
 def copy_with_index_first(source: Path, target: Path) -> None:
     """Copy a fragmented film into one whose index comes first, without encoding again."""
-    with av.open(str(source)) as old, av.open(
-        str(target), "w", format="mp4", options={"movflags": "faststart"}
-    ) as new:
+    with av.open(str(source)) as old, av.open(str(target), "w", format="mp4", options={"movflags": "faststart"}) as new:
         stream = new.add_stream_from_template(old.streams.video[0])
         for packet in old.demux(video=0):
             if packet.dts is not None:  # the last packet is empty and only ends the stream
@@ -112,20 +96,13 @@ def copy_with_index_first(source: Path, target: Path) -> None:
                 new.mux(packet)
 
 
-def count_frames(path: Path) -> int:
-    """Return the number of frames of a film."""
+def read_frames(path: Path, count: int) -> list[Frame]:
+    """Return `count` frames of a film, evenly spaced from its first to its last; all of a film with fewer."""
     with av.open(str(path)) as film:
-        return film.streams.video[0].frames or sum(1 for _ in film.decode(video=0))
-
-
-def read_frames(path: Path, indices: list[int]) -> list[Frame]:
-    """Return frames of a film by their numbers, in increasing order; those beyond its end are left out."""
-    wanted, frames = set(indices), []
-    with av.open(str(path)) as film:
-        for index, frame in enumerate(film.decode(video=0)):
-            if index in wanted:
-                frames.append(frame.to_ndarray(format="rgb24"))
-    return frames
+        number = film.streams.video[0].frames or sum(1 for _ in film.decode(video=0))
+        film.seek(0)
+        wanted = np.linspace(0, number - 1, count).round().astype(int)
+        return [frame.to_ndarray(format="rgb24") for k, frame in enumerate(film.decode(video=0)) if k in wanted]
 
 
 def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
@@ -134,9 +111,8 @@ def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Pa
     Frames have one size; three are in a row. Raises ValueError for other numbers of frames or captions.
     """
     if not 1 <= len(frames) <= SHEET_COLUMNS**2 or len(captions) != len(frames):
-        raise ValueError(
-            f"contact sheet: {len(frames)} frames, {len(captions)} captions; accepted: 1 to 9, as many of each"
-        )
+        raise ValueError(f"contact sheet: {len(frames)} frames, {len(captions)} captions; accepted: 1 to 9, as many of "
+                         f"each")
     height = round(PICTURE_WIDTH * frames[0].shape[0] / frames[0].shape[1])
     rows = -(-len(frames) // SHEET_COLUMNS)
     sheet = Image.new("RGB", (SHEET_COLUMNS * PICTURE_WIDTH, rows * height), "white")

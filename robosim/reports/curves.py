@@ -1,6 +1,5 @@
 """Curves over time, one above the other on one axis of time, with marks and accepted ranges."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -8,7 +7,7 @@ import numpy as np
 from plotly.graph_objects import Scatter
 from plotly.subplots import make_subplots
 
-from robosim.reports.plot import COLOURS, LAYOUT, to_html
+from robosim.reports.plot import COLOURS, LAYOUT, mark_level, to_html
 
 MOST_POINTS = 1500
 """Points of a curve; longer ones are means over equal parts, with the extremes of each part kept."""
@@ -52,14 +51,14 @@ def draw_charts(charts: Sequence[Chart], marks: dict[str, float], x: str = "time
                                            "dash": "dash" if curve.dashed else "solid"}), row=row, col=1)
         for value in (chart.most, chart.least):
             if value is not None:
-                figure.add_hline(value, row=row, col=1, line={"color": "#2a2", "width": 1, "dash": "dot"})  # pyright: ignore[reportArgumentType]
-                # plotly takes the logarithm of a line's place itself, but not of a text's
-                figure.add_annotation(x=1.0, xref="x domain", xanchor="right", yanchor="bottom", row=row, col=1,
-                                      y=math.log10(value) if chart.is_logarithmic else value, showarrow=False,
-                                      text=f"accepted: {value:g}", font={"color": "#282", "size": 10})
+                mark_level(figure, value, f"accepted: {value:g}", is_log=chart.is_logarithmic, xref="x domain", row=row,
+                           col=1)
         if chart.is_logarithmic:
             figure.update_yaxes(type="log", exponentformat="power", row=row, col=1)
-    _add_marks(figure, marks)
+    for name, time in marks.items():  # through all charts
+        figure.add_vline(time, line={"color": "rgba(0,0,0,0.18)", "width": 1})  # pyright: ignore[reportArgumentType]
+        figure.add_annotation(x=time, y=1.0, xref="x", yref="paper", text=name, textangle=-60, showarrow=False,
+                              xanchor="left", yanchor="bottom", yshift=18, font={"size": 10, "color": "#555"})
     figure.update_xaxes(title_text=x, row=len(charts), col=1)
     top, bottom = (MARKED_TOP if marks else TOP), 40
     figure.update_layout({**LAYOUT, "height": top + bottom + ROW_HEIGHT * len(charts), "hovermode": "x unified",
@@ -76,25 +75,13 @@ def legend_name(row: int) -> str:
     return "legend" if row == 1 else f"legend{row}"
 
 
-def _add_marks(figure: object, marks: dict[str, float]) -> None:
-    """Add vertical lines through all charts, with their names above the first one."""
-    for name, time in marks.items():
-        figure.add_vline(time, line={"color": "rgba(0,0,0,0.18)", "width": 1})  # pyright: ignore[reportAttributeAccessIssue]
-        figure.add_annotation(x=time, y=1.0, xref="x", yref="paper", text=name, textangle=-60, showarrow=False,  # pyright: ignore[reportAttributeAccessIssue]
-                              xanchor="left", yanchor="bottom", yshift=18, font={"size": 10, "color": "#555"})
-
-
 def thin_out(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return at most MOST_POINTS points of a curve, with the least and the largest value of each part of it."""
-    n = len(times)
-    if n <= MOST_POINTS:
+    if len(times) <= MOST_POINTS:
         return times, values
-    parts = np.array_split(np.arange(n), MOST_POINTS // 2)
     kept: list[int] = []
-    for part in parts:
+    for part in np.array_split(np.arange(len(times)), MOST_POINTS // 2):
         finite = part[np.isfinite(values[part])]
-        if len(finite):
-            kept += sorted({int(finite[np.argmin(values[finite])]), int(finite[np.argmax(values[finite])])})
-        else:
-            kept.append(int(part[0]))
+        kept += sorted({int(finite[find(values[finite])]) for find in (np.argmin, np.argmax)} if len(finite) else
+                       {int(part[0])})
     return times[kept], values[kept]

@@ -98,7 +98,7 @@ class Page:
         return templates().get_template("page.html.j2").render(
             title=self.title, blocks=self._blocks, origin=dict(self._origin), verdict=self._verdict,
             style=read_part("style.css"), behaviour=read_part("page.js"),
-            script=plot_script() if has_plots else "")
+            script=read_part("plotly.min.js", "plotly", "package_data") if has_plots else "")
 
 
 @cache
@@ -108,15 +108,9 @@ def templates() -> Environment:
 
 
 @cache
-def read_part(name: str) -> str:
-    """Return a file beside the templates."""
-    return files("robosim.reports").joinpath("templates").joinpath(name).read_text(encoding="utf-8")
-
-
-@cache
-def plot_script() -> str:
-    """Return the script that draws plots."""
-    return files("plotly").joinpath("package_data").joinpath("plotly.min.js").read_text(encoding="utf-8")
+def read_part(name: str, package: str = "robosim.reports", folder: str = "templates") -> str:
+    """Return a file of a package's folder."""
+    return files(package).joinpath(folder).joinpath(name).read_text(encoding="utf-8")
 
 
 def make_cell(value: object) -> Cell:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from plotly.graph_objects import Figure, Scatter
 
@@ -45,10 +44,8 @@ class Plot:
 
     def add_band(self, high: float, where: str = "") -> None:
         """Mark the values that are accepted, all up to an upper end; where: the runs that this holds for."""
-        self.figure.add_hline(high, line={"color": "#2a2", "width": 1, "dash": "dash"})
-        self.figure.add_annotation(y=self._place(high, self.figure.layout.yaxis), x=1.0, xref="paper", xanchor="right",  # pyright: ignore[reportAttributeAccessIssue]
-                                   yanchor="bottom", text=f"accepted up to {high:g}{where}", showarrow=False,
-                                   font={"color": "#282", "size": 11})
+        is_log = self.figure.layout.yaxis.type == "log"  # pyright: ignore[reportAttributeAccessIssue]
+        mark_level(self.figure, high, f"accepted up to {high:g}{where}", is_log=is_log, xref="paper")
 
     def add_line(self, corners: Sequence[tuple[float, float]], uncertainty: float, *, is_relative: bool) -> None:
         """Add a reference's line through corners (x, y), and dashed ones at either end of its uncertainty in y."""
@@ -62,17 +59,21 @@ class Plot:
     def add_reference(self, x: float, label: str) -> None:
         """Mark what the others are compared with, by its place on the horizontal axis alone."""
         self.figure.add_vline(x, line={"color": "#555", "width": 1, "dash": "dash"})
-        self.figure.add_annotation(x=self._place(x, self.figure.layout.xaxis), y=1.0, yref="paper", text=label,  # pyright: ignore[reportAttributeAccessIssue]
-                                   textangle=-90, xanchor="right", yanchor="top", showarrow=False,
-                                   font={"size": 10, "color": "#555"})
-
-    def _place(self, value: float, axis: Any) -> float:
-        """Return the place of a text on an axis: plotly takes the logarithm of a line's place itself, but not of it."""
-        return math.log10(value) if axis.type == "log" else value
+        place = math.log10(x) if self.figure.layout.xaxis.type == "log" else x  # pyright: ignore[reportAttributeAccessIssue]
+        self.figure.add_annotation(x=place, y=1.0, yref="paper", text=label, textangle=-90, xanchor="right",
+                                   yanchor="top", showarrow=False, font={"size": 10, "color": "#555"})
 
     def html(self) -> str:
         """Return the plot as HTML, for a page that has the script."""
         return to_html(self.figure)
+
+
+def mark_level(figure: Figure, value: float, text: str, *, is_log: bool, xref: str, **chart: int) -> None:
+    """Draw a horizontal line with a text at its end; xref: axis of its end. chart: row and column of one of several."""
+    figure.add_hline(value, line={"color": "#2a2", "width": 1, "dash": "dash"}, **chart)  # pyright: ignore[reportArgumentType]
+    # plotly takes the logarithm of a line's place itself, but not of a text's
+    figure.add_annotation(x=1.0, xref=xref, xanchor="right", yanchor="bottom", text=text, showarrow=False,
+                          y=math.log10(value) if is_log else value, font={"color": "#282", "size": 11}, **chart)
 
 
 def to_html(figure: Figure) -> str:
