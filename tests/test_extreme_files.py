@@ -18,7 +18,7 @@ from policies.demonstrations.demo import load_actions
 from policies.demonstrations.descent import STATE, Descent
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
 from policies.demonstrations.request import load_stored
-from policies.dynamics.rollout_files import describe_environment, read_rollouts
+from policies.dynamics.rollouts import describe_environment, read_rollouts
 from policies.learning.presets import load_preset
 from policies.results.further_tables import make_further_tables
 from policies.results.tables import PUBLISHED, ROW, collect_rows, fill_page, read_table, summarise_runs

@@ -1,4 +1,4 @@
-"""Reading demonstrations: their files, actions and starts, checked against the task."""
+"""Reading demonstrations: their files, actions and starts, checked against the task and the method."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -7,6 +7,7 @@ import numpy as np
 
 import mpm
 from mpm.array_files import read_arrays
+from policies.learning.presets import SEARCH, Preset
 
 MAX_REPEAT = 10_000
 """Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
@@ -79,3 +80,34 @@ def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int
         raise mpm.InvalidValue(f"{path}: {len(actions)} actions with action_repeat {action_repeat}; accepted: "
                                f"{decisions}, as this task has them")
     return actions[:decisions]
+
+
+def load_demonstrations(preset: Preset, folder: Path | None, decisions: int, action_repeat: int, dimensions: int,
+                        task: str) -> list[Demonstration]:
+    """Load the demonstrations of a folder, or of one file, for a method; none for a method without.
+
+    Raises mpm.InvalidValue where the method needs demonstrations and there are none, or the other way round, or a file
+    does not fit the task.
+    """
+    if folder is None:
+        if preset.needs_demonstrations:
+            raise mpm.InvalidValue("this method learns from demonstrations; give their folder as --demos")
+        return []
+    if not preset.needs_demonstrations and preset.learner not in SEARCH:
+        raise mpm.InvalidValue(f"--demos {folder}: this method takes no demonstrations; leave it out")
+    return read_demonstrations(folder, decisions, action_repeat, dimensions, task)
+
+
+def select_replayable(demonstrations: list[Demonstration], preset: Preset, starts: str) -> list[Demonstration]:
+    """Return the demonstrations without those that a replay could not begin at the episodes' start.
+
+    A method that plays motions as they are (replay: all; residual: the first) needs those made for its start; raises
+    mpm.InvalidValue where none is left.
+    """
+    is_replay = preset.learner == "replay"
+    played = demonstrations if is_replay else demonstrations[: int(preset.residual is not None)]
+    elsewhere = [one.name for one in played if starts == "nominal" and not one.options["nominal"]]
+    if elsewhere and len(elsewhere) == len(played):
+        raise mpm.InvalidValue(f"--demos: {', '.join(elsewhere)}: made for another start than the task's own, where "
+                               f"this method plays it; accepted: the first of `robosim demo --nominal`")
+    return [one for one in demonstrations if one.name not in elsewhere] if is_replay else demonstrations

@@ -12,7 +12,7 @@ from mpm.geometry.rigid_motion import Pose
 from mpm.rollout.tool_twists import integrate_twists
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.dynamics.graph_network import Graph, GraphNetwork, batch_graphs, make_graph, measure_scales
-from policies.dynamics.rollout_files import Rollouts
+from policies.dynamics.rollouts import Rollouts
 from policies.learning.presets import GraphSizes
 from robosim.base.progress import Progress
 

@@ -17,7 +17,7 @@ from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import FAILED
 from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import sample_surfaces
-from policies.dynamics.rollout_files import grain_positions
+from policies.dynamics.rollouts import grain_positions
 from policies.methods.evolution import make_search, to_motion
 from policies.runs import checkpoint
 from policies.runs.training import Training

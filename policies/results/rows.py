@@ -1,9 +1,11 @@
-"""Rows of tables: a run each, with all that it takes to make the run again."""
+"""Rows of tables: a run each, with all that it takes to make the run again, and whether today's code made it."""
 
+from collections import defaultdict
 from typing import Any
 
-from policies.learning.presets import Preset
-from robosim.base.digests import digest
+from policies.learning.presets import Preset, load_preset
+from robosim.base.digests import changed_modules, digest
+from robosim.base.resources import config_names
 
 TEXT, NUMBER = (str, None), (float, None)
 ROW: dict[str, Any] = {
@@ -59,3 +61,31 @@ def pack_rows(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return rows as a tables.json has them: what many runs share, their code, is there once."""
     versions = {digest(row["code"]): row["code"] for row in rows if row["code"]}
     return {"runs": [{**row, "code": digest(row["code"]) if row["code"] else None} for row in rows], "code": versions}
+
+
+SHOWN = 5
+"""Modules of a row that are named."""
+
+
+def find_stale(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows that today's code did not make, by the difference to it."""
+    stale: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    presets = {name: preset_digest(load_preset(name).model_dump()) for name in config_names("training")}
+    for row in rows:
+        reason = describe_age(row, presets)
+        if reason:
+            stale[reason].append(row)
+    return stale
+
+
+def describe_age(row: dict[str, Any], presets: dict[str, str]) -> str:
+    """Return what has changed since a row was made; empty where nothing has. presets: digests of the methods today."""
+    if not row["code"]:
+        return "made by a version that did not store the digests of its code"
+    if row["commit"].endswith("-dirty"):
+        return "made from files that no commit has"
+    if row["method"] in presets and presets[row["method"]] != row["preset"]:
+        return f"the settings of {row['method']} have changed"
+    changed = changed_modules(row["code"])
+    more = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
+    return f"{', '.join(changed[:SHOWN])}{more} have changed" if changed else ""

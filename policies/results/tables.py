@@ -8,8 +8,7 @@ from mpm.files import write
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.further_tables import make_further_tables
 from policies.results.page import fill_page, score_table
-from policies.results.rows import ROW, make_row, pack_rows, unpack_rows
-from policies.results.staleness import find_stale
+from policies.results.rows import ROW, find_stale, make_row, pack_rows, unpack_rows
 from policies.results.summary import summarise_runs
 from robosim.base.digests import digest
 from robosim.base.files import write_json, write_rows, write_text

@@ -14,7 +14,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import mpm
 from mpm.array_files import read_arrays
-from policies.dynamics.rollout_files import Rollouts, read_rollouts
+from policies.demonstrations.reading import load_demonstrations, select_replayable
+from policies.dynamics.rollouts import Rollouts, read_rollouts
 from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
 from policies.learners.policy_file import export_policy
@@ -24,7 +25,6 @@ from policies.learning.options import TrainingOptions
 from policies.learning.presets import OFF_POLICY, Preset
 from policies.runs import checkpoint
 from policies.runs.checkpoint import Checkpoints
-from policies.runs.demonstration_set import load_demonstrations, select_replayable
 from policies.runs.episode_batch import EpisodeBatch
 from policies.runs.episodes import Episode, Episodes
 from policies.runs.evaluations import Evaluations

@@ -1,5 +1,6 @@
-"""What a recording says about its scene, before its frames."""
+"""What a recording says about its scene, before its frames, and which grains lie in its regions."""
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -126,3 +127,22 @@ def region_entry(name: str, region: mpm.Region, pose: mpm.Pose | None = None, bo
     return RegionEntry(name=name, body=body, position=floats(centre), round=region.round,
                        half=floats(np.minimum(region.half, LARGEST_HALF)), is_place=is_place, is_marked=is_marked,
                        quaternion=(1.0, 0.0, 0.0, 0.0) if pose is None else floats(pose.quaternion))
+
+
+def region_pose(region: RegionEntry, bodies: Mapping[str, mpm.Pose]) -> mpm.Pose:
+    """Return the world pose of a region's frame; bodies: name -> world pose."""
+    own = mpm.Pose(np.array(region.position), np.array(region.quaternion))
+    return bodies[region.body] @ own if region.body in bodies else own
+
+
+def find_placed(regions: Sequence[RegionEntry], bodies: Mapping[str, mpm.Pose], positions: np.ndarray) -> np.ndarray:
+    """Return which grains at positions (n, 3) [m] lie in one of the regions that are places (n,)."""
+    left = np.arange(len(positions))
+    """Grains that are in none of the regions so far: most lie in the first."""
+    for region in regions:
+        if region.is_place:
+            box = mpm.Region((0.0, 0.0, 0.0), region.half, region.round)
+            left = left[~box.holds(region_pose(region, bodies).inverse().apply(positions[left]))]
+    placed = np.ones(len(positions), bool)
+    placed[left] = False
+    return placed

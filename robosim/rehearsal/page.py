@@ -33,7 +33,7 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
         page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states")
     page.add_heading("In 3-D")
     with Recording(folder / FILE) as recording:
-        from robosim.viewer.embed import embed_html
+        from robosim.viewer.server import embed_html
 
         page.add_scene(embed_html(recording), f"Turn with the mouse, scrub below. With colours, forces, regions and "
                        f"curves: robosim view {folder}")

@@ -10,8 +10,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.episode.sheet import LOAD
 from robosim.planning.waypoint_path import is_in_container
 from robosim.recordings.frames import GrainState
-from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, floats, region_entry
-from robosim.recordings.places import find_placed
+from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, find_placed, floats, region_entry
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.mass_balance import GRAVITY
 from robosim.rehearsal.readings import Step

@@ -7,8 +7,7 @@ import viser
 
 import mpm
 from robosim.recordings.frames import SceneState
-from robosim.recordings.header import RegionEntry
-from robosim.recordings.places import region_pose
+from robosim.recordings.header import RegionEntry, region_pose
 from robosim.recordings.reader import Recording
 from robosim.viewer.history import History
 

@@ -7,8 +7,7 @@ import viser
 
 import mpm
 from robosim.recordings.frames import GrainState, SceneState
-from robosim.recordings.header import CameraEntry
-from robosim.recordings.places import find_placed
+from robosim.recordings.header import CameraEntry, find_placed
 from robosim.recordings.reader import Recording
 from robosim.rendering.grain_skin import find_hidden
 from robosim.viewer.grain_colours import GrainColours

@@ -29,7 +29,7 @@ from robosim.rewards.tool import Turn
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
 from robosim.studies.evaluation.policies import make_policy, training_options
 from robosim.tasks.handover import Load, take_load
-from robosim.viewer.embed import embed_html
+from robosim.viewer.server import embed_html
 
 RESULTS = ("chain.json", "index.html", CHAIN)
 """Files that a run writes."""

@@ -73,7 +73,7 @@ def add_recording(page: Page, folder: Path) -> None:
     path = folder / FILE
     if not path.is_file():
         return
-    from robosim.viewer.embed import embed_html
+    from robosim.viewer.server import embed_html
 
     with Recording(path) as recording:
         page.add_heading("In 3-D")

@@ -9,8 +9,7 @@ import torch
 import mpm
 from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import GraphNetwork, Scales, batch_graphs, make_graph
-from policies.dynamics.rollout_files import Rollouts, read_rollouts
-from policies.dynamics.rollouts import cached_environment, make_rollouts
+from policies.dynamics.rollouts import Rollouts, cached_environment, make_rollouts, read_rollouts
 from policies.learning.options import TrainingOptions
 from policies.learning.presets import GraphSizes, load_preset
 from policies.methods.graph_search import cost

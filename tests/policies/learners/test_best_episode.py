@@ -5,8 +5,8 @@ import pytest
 import torch
 from gymnasium import spaces
 
-from policies.learners.best_episode import BestEpisode
 from policies.learners.buffers import DemoReplayBuffer
+from policies.learners.soft_actor_critic import BestEpisode
 
 LENGTH = 7
 

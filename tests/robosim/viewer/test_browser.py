@@ -12,7 +12,7 @@ from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, CurveEntry, RecordingHeader, RegionEntry
 from robosim.recordings.reader import Recording
 from robosim.recordings.writer import RecordingWriter
-from robosim.viewer.embed import embed_html
+from robosim.viewer.server import embed_html
 
 pytestmark = pytest.mark.slow
 GRAINS, FRAMES, RATE = 50_000, 60, 20.0

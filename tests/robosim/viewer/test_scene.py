@@ -11,11 +11,10 @@ from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingH
 from robosim.recordings.reader import Recording
 from robosim.recordings.writer import RecordingWriter
 from robosim.viewer.charts import add_cursor, value_range
-from robosim.viewer.embed import embed_html
 from robosim.viewer.grain_colours import ASLEEP, OUTSIDE, GrainColours
 from robosim.viewer.history import History
 from robosim.viewer.scene_view import SceneView
-from robosim.viewer.server import start_server, stop_server
+from robosim.viewer.server import embed_html, start_server, stop_server
 
 GRAINS = GrainState(np.array([[0.0, 0, 0], [0.1, 0, 0], [0.4, 0, 0]]), np.array([0.0, 0.01, 3.0]),
                     np.array([0.0, 1e3, 1e6]), np.array([False, True, True]))
