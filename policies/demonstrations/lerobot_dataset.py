@@ -27,7 +27,7 @@ INDICES = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int
 """Columns that every dataset has."""
 TYPES = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
 SAMPLED_PICTURES = 100
-"""Pictures of an episode at most whose colours its statistics are of."""
+"""About how many pictures statistics of colours are of."""
 
 
 def write_lerobot_dataset(out: Path, episodes: Sequence[PlayedDemonstration], *, fps: float, task: str, robot: str,
@@ -64,45 +64,46 @@ def _write(root: Path, episodes: Sequence[PlayedDemonstration], fps: float, task
                                      "video.pix_fmt": "yuv420p", "video.is_depth_map": False, "video.fps": fps,
                                      "video.channels": 3, "has_audio": False}}
     features |= {name: _feature(kind) for name, kind in INDICES.items()}
-    columns, rows, begun = {name: [] for name in features if name != CAMERA}, [], 0
-    every: list[dict[str, Any]] = []
-    for k, episode in enumerate(episodes):
-        steps, n = episode.transitions, len(episode.transitions)
-        values = {name: np.asarray(part, features[name]["dtype"]) for name, part in {
-            "observation.state": [t.observation for t in steps], "action": [t.action for t in steps],
-            "next.reward": [t.reward for t in steps], "next.done": np.arange(n) == n - 1,
-            "timestamp": np.arange(n) / fps, "frame_index": np.arange(n), "episode_index": np.full(n, k),
-            "index": begun + np.arange(n), "task_index": np.zeros(n)}.items()}
-        for name, part in values.items():
-            columns[name].append(part)
-        stats = {name: summarize(part.reshape(n, -1).astype(float)) for name, part in values.items()}
-        if episode.pictures is not None:
-            stats[CAMERA] = summarize_pictures(episode.pictures)
-        every.append(stats)
-        place = {"chunk_index": 0, "file_index": 0}
-        rows.append({"episode_index": k, "tasks": [task], "length": n,
-                     **{f"data/{key}": value for key, value in place.items()},
-                     "dataset_from_index": begun, "dataset_to_index": begun + n,
-                     **({} if CAMERA not in features else {
-                         **{f"videos/{CAMERA}/{key}": value for key, value in place.items()},
-                         f"videos/{CAMERA}/from_timestamp": begun / fps,
-                         f"videos/{CAMERA}/to_timestamp": (begun + n) / fps}),
-                     **{f"stats/{name}/{key}": value for name, one in stats.items() for key, value in one.items()},
-                     **{f"meta/episodes/{key}": value for key, value in place.items()}})
-        begun += n
+    steps = [step for episode in episodes for step in episode.transitions]
+    pictures = [picture for episode in episodes if episode.pictures is not None for picture in episode.pictures]
+    lengths = np.array([len(episode.transitions) for episode in episodes])
+    ends, number = np.cumsum(lengths), np.repeat(np.arange(len(episodes)), lengths)
+    index = np.arange(len(steps))
+    frame = index - (ends - lengths)[number]
+    columns = {name: np.asarray(part, features[name]["dtype"]) for name, part in {
+        "observation.state": [step.observation for step in steps], "action": [step.action for step in steps],
+        "next.reward": [step.reward for step in steps], "next.done": frame == lengths[number] - 1,
+        "timestamp": frame / fps, "frame_index": frame, "episode_index": number, "index": index,
+        "task_index": np.zeros(len(steps))}.items()}
+
+    def describe(begin: int, end: int) -> dict[str, Any]:
+        stats = {name: summarize(part[begin:end].reshape(end - begin, -1).astype(float))
+                 for name, part in columns.items()}
+        return stats | ({CAMERA: summarize_pictures(pictures[begin:end])} if pictures else {})
+
+    place = {"chunk_index": 0, "file_index": 0}
+    rows = [{"episode_index": k, "tasks": [task], "length": end - begin,
+             **{f"data/{key}": value for key, value in place.items()},
+             "dataset_from_index": begin, "dataset_to_index": end,
+             **({f"videos/{CAMERA}/{key}": value for key, value in {
+                 **place, "from_timestamp": begin / fps, "to_timestamp": end / fps}.items()} if pictures else {}),
+             **{f"stats/{name}/{key}": value for name, one in describe(begin, end).items()
+                for key, value in one.items()},
+             **{f"meta/episodes/{key}": value for key, value in place.items()}}
+            for k, (begin, end) in enumerate(zip((ends - lengths).tolist(), ends.tolist()))]
     _write_table(root / "data" / f"{CHUNK}.parquet", {
-        name: _column(np.concatenate(parts), features[name]) for name, parts in columns.items()})
+        name: _column(values, features[name]) for name, values in columns.items()})
     _write_table(root / "meta" / "episodes" / f"{CHUNK}.parquet", {
         key: pa.array([row[key] for row in rows]) for key in rows[0]})
     _write_tasks(root / "meta" / "tasks.parquet", task)
-    info = {"codebase_version": VERSION, "robot_type": robot, "total_episodes": len(episodes), "total_frames": begun,
-            "total_tasks": 1, "chunks_size": 1000, "data_files_size_in_mb": 100, "video_files_size_in_mb": 200,
-            "fps": fps, "splits": {"train": f"0:{len(episodes)}"},
+    info = {"codebase_version": VERSION, "robot_type": robot, "total_episodes": len(episodes), "total_tasks": 1,
+            "total_frames": len(steps), "chunks_size": 1000, "data_files_size_in_mb": 100,
+            "video_files_size_in_mb": 200, "fps": fps, "splits": {"train": f"0:{len(episodes)}"},
             "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
             "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-            if CAMERA in features else None, "features": features}
+            if pictures else None, "features": features}
     (root / "meta" / "info.json").write_text(json.dumps(info, indent=4))
-    (root / "meta" / "stats.json").write_text(json.dumps(merge(every), indent=4))
+    (root / "meta" / "stats.json").write_text(json.dumps(describe(0, len(steps)), indent=4))
 
 
 def _feature(kind: str, names: list[str] | None = None) -> dict[str, Any]:
@@ -139,22 +140,8 @@ def summarize(values: np.ndarray) -> dict[str, list[Any]]:
             "std": values.std(0).tolist(), "count": [len(values)]}
 
 
-def summarize_pictures(pictures: np.ndarray) -> dict[str, Any]:
+def summarize_pictures(pictures: Sequence[np.ndarray]) -> dict[str, Any]:
     """Return statistics of colours from 0 to 1, each (3, 1, 1)."""
-    chosen = pictures[:: max(1, len(pictures) // SAMPLED_PICTURES)].reshape(-1, 3) / 255.0
+    chosen = np.stack(pictures[:: max(1, len(pictures) // SAMPLED_PICTURES)]).reshape(-1, 3) / 255.0
     return {key: np.reshape(value, (3, 1, 1)).tolist() if key != "count" else [len(pictures)]
             for key, value in summarize(chosen).items()}
-
-
-def merge(every: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the statistics of all episodes from those of each."""
-    merged: dict[str, Any] = {}
-    for name in every[0]:
-        counts = np.array([one[name]["count"][0] for one in every], float)
-        parts = {key: np.array([one[name][key] for one in every]) for key in ("min", "max", "mean", "std")}
-        weights = (counts / counts.sum()).reshape(-1, *[1] * (parts["mean"].ndim - 1))
-        mean = (weights * parts["mean"]).sum(0)
-        variance = (weights * (parts["std"] ** 2 + (parts["mean"] - mean) ** 2)).sum(0)
-        merged[name] = {"min": parts["min"].min(0).tolist(), "max": parts["max"].max(0).tolist(),
-                        "mean": mean.tolist(), "std": np.sqrt(variance).tolist(), "count": [int(counts.sum())]}
-    return merged

@@ -18,19 +18,16 @@ from policies.learners.soft_actor_critic import EnsembleSAC
 from policies.learners.wrappers import zero_residual
 from policies.learning.presets import Preset
 
-CONTRIBUTED = ("TQC", "CrossQ")
-"""Learners of sb3-contrib."""
-DETERMINISTIC = ("TD3", "DDPG")
-"""Learners with deterministic policies, which explore by added noise."""
 NOISE = 0.1
-"""Standard deviation of that noise (Fujimoto et al. 2018)."""
+"""Standard deviation of the noise by which deterministic policies explore (Fujimoto et al. 2018)."""
 ENCODERS = {"pointnet": PointNet, "deep_sets": DeepSets, "parts": PartsEncoder}
 
 
 def learner_class(preset: Preset) -> Any:
     """Return the class of a preset's learner; GAIL's policy learns by PPO."""
     name = "PPO" if preset.learner == "GAIL" else preset.learner
-    kind = EnsembleSAC if name == "SAC" else getattr(sb3_contrib if name in CONTRIBUTED else stable_baselines3, name)
+    library = sb3_contrib if name in ("TQC", "CrossQ") else stable_baselines3
+    kind = EnsembleSAC if name == "SAC" else getattr(library, name)
     return type(f"DelayedActor{name}", (DelayedActorMixin, kind), {}) if preset.actor is not None else kind
 
 
@@ -60,7 +57,7 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
     if preset.decay != 1.0:
         rate = options["learning_rate"]
         options["learning_rate"] = LinearSchedule(rate, rate * preset.decay, 1.0)
-    if preset.learner in DETERMINISTIC:
+    if preset.learner in ("TD3", "DDPG"):  # deterministic policies
         n = env.action_space.shape[0]
         options["action_noise"] = NormalActionNoise(np.zeros(n), np.full(n, NOISE))
     if preset.learner not in ("GAIL", "PPO"):

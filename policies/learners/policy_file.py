@@ -36,8 +36,7 @@ def export_policy(policy: Any, path: Path, units: tuple[np.ndarray, np.ndarray] 
     chain = deterministic_layers(policy)
     if chain is None or any(type(layer) not in (nn.Linear, *ACTIVATIONS) for layer in chain[0]):
         return False
-    arrays: dict[str, np.ndarray] = {"bound": np.array(chain[1])}
-    activations = []
+    arrays, activations = {"bound": np.array(chain[1])}, []
     for layer in chain[0]:
         if isinstance(layer, nn.Linear):
             arrays[f"weight_{len(activations)}"] = layer.weight.detach().numpy().copy()

@@ -4,6 +4,7 @@ A discriminator learns to tell the policy's transitions from the demonstrations'
 it takes for demonstrated.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,15 @@ WIDTH, RATE, BATCH = 64, 3e-4, 128
 
 
 class DiscriminatorReward(VecEnvWrapper):
-    """Replaces the reward by -log(1 - D) of observation and action, and stores these pairs for the discriminator."""
+    """Replaces the reward by -log(1 - D) of observation and action, and stores these pairs for the discriminator.
 
-    def __init__(self, venv: Any, discriminator: nn.Module) -> None:
+    standardise: maps pairs (n, features) to those that the discriminator takes.
+    """
+
+    def __init__(self, venv: Any, discriminator: nn.Module,
+                 standardise: Callable[[np.ndarray], torch.Tensor]) -> None:
         super().__init__(venv)
-        self._discriminator = discriminator
+        self._discriminator, self._standardise = discriminator, standardise
         self.recent: list[torch.Tensor] = []
         """Pairs of the policy since the discriminator's last update."""
         self._observations: Any = None
@@ -42,7 +47,7 @@ class DiscriminatorReward(VecEnvWrapper):
 
     def step_wait(self) -> Any:
         """Step the environments; returns the discriminator's rewards."""
-        pairs = torch.as_tensor(np.concatenate([self._observations, self._actions], 1), dtype=torch.float32)
+        pairs = self._standardise(np.concatenate([self._observations, self._actions], 1))
         self.recent.append(pairs)
         observations, _, dones, infos = self.venv.step_wait()
         self._observations = observations
@@ -88,31 +93,19 @@ class DiscriminatorTraining(BaseCallback):
             self._optimizer.step()
 
 
-class Standardise(nn.Module):
-    """Subtracts the mean of data (n, features) and divides by its standard deviation; by 1 where that is zero."""
-
-    mean: torch.Tensor
-    scale: torch.Tensor
-
-    def __init__(self, data: torch.Tensor) -> None:
-        super().__init__()
-        spread = data.std(0)
-        self.register_buffer("mean", data.mean(0))
-        self.register_buffer("scale", torch.where(spread > 1e-6, spread, torch.ones_like(spread)))
-
-    def forward(self, pairs: torch.Tensor) -> torch.Tensor:
-        """Map (batch, features) to the same shape."""
-        return (pairs - self.mean) / self.scale
-
-
 def imitate(training: Training) -> None:
     """Train policy and discriminator together until the run is over."""
     torch.manual_seed(training.seed)
     pairs = np.array([np.concatenate([step.observation, step.action])
                       for step in training.demonstration_transitions()], np.float32)
-    demonstrated = torch.as_tensor(pairs)
-    discriminator = nn.Sequential(Standardise(demonstrated), nn.Linear(pairs.shape[1], WIDTH), nn.Tanh(),
-                                  nn.Linear(WIDTH, WIDTH), nn.Tanh(), nn.Linear(WIDTH, 1))
-    venv = DiscriminatorReward(DummyVecEnv([lambda: training.agent_env]), discriminator)
-    training.learn(venv, DiscriminatorTraining(venv, discriminator, demonstrated,
+    mean, spread = pairs.mean(0), pairs.std(0, ddof=1)
+    scale = np.where(spread > 1e-6, spread, 1.0)
+
+    def standardise(pairs: np.ndarray) -> torch.Tensor:
+        return torch.as_tensor((pairs - mean) / scale, dtype=torch.float32)
+
+    discriminator = nn.Sequential(nn.Linear(pairs.shape[1], WIDTH), nn.Tanh(), nn.Linear(WIDTH, WIDTH), nn.Tanh(),
+                                  nn.Linear(WIDTH, 1))
+    venv = DiscriminatorReward(DummyVecEnv([lambda: training.agent_env]), discriminator, standardise)
+    training.learn(venv, DiscriminatorTraining(venv, discriminator, standardise(pairs),
                                                training.preset.discriminator_updates))

@@ -14,15 +14,14 @@ from robosim.episode.play import play
 
 def clone(training: Training) -> None:
     """Fit a policy by least squares, then play every episode of the run with it."""
-    options = training.preset.options
     set_random_seed(training.seed)
     if training.folder.checkpoint.is_file():
         _, state = checkpoint.load(training.folder.checkpoint, None, None)
-        policy = make_policy(training, options)
+        policy = make_policy(training)
         policy.load_state_dict(state["policy"])
         training.resume(state)
     else:
-        policy = fit_policy(training, options)
+        policy = fit_policy(training)
     policy.set_training_mode(False)
 
     def act(observation: Any) -> np.ndarray:
@@ -34,21 +33,19 @@ def clone(training: Training) -> None:
         training.keep_checkpoint(policy=policy.state_dict())
 
 
-def make_policy(training: Training, options: dict[str, Any]) -> ActorCriticPolicy:
+def make_policy(training: Training) -> ActorCriticPolicy:
     """Return a policy that is not fitted."""
+    options = training.preset.options
     return ActorCriticPolicy(training.env.observation_space, training.env.action_space,
                              lambda _: options["learning_rate"], net_arch=options["net_arch"])
 
 
-def fit_policy(training: Training, options: dict[str, Any]) -> ActorCriticPolicy:
-    """Return a policy fitted to the demonstrations' transitions.
-
-    options: learning_rate, updates, batch_size, net_arch.
-    """
-    transitions = list(training.demonstration_transitions())
+def fit_policy(training: Training) -> ActorCriticPolicy:
+    """Return a policy fitted to the demonstrations' transitions."""
+    transitions, options = list(training.demonstration_transitions()), training.preset.options
     observations = torch.as_tensor(np.array([step.observation for step in transitions]))
     actions = torch.as_tensor(np.array([step.action for step in transitions]))
-    policy = make_policy(training, options)
+    policy = make_policy(training)
     for _ in range(options["updates"]):
         batch = torch.randint(len(observations), (options["batch_size"],))
         error = ((policy.get_distribution(observations[batch]).mode() - actions[batch]) ** 2).mean()

@@ -12,8 +12,6 @@ from robosim.base.input_files import read_json
 
 MOST_FILMS = 4
 """Films that are put into the page; the others stay files."""
-SMALLEST = 1e-30
-"""In place of a derivative of zero, on a logarithmic scale."""
 
 
 def write_demonstration_page(make_page: Callable[..., Any], out: Path) -> Path | None:
@@ -39,7 +37,7 @@ def write_demonstration_page(make_page: Callable[..., Any], out: Path) -> Path |
     page.add_heading("Search")
     arrays = {row["demonstration"]: read_arrays(out / row["demonstration"]) for row in rows}
     losses = {name: curve(stored["losses"]) for name, stored in arrays.items()}
-    norms = {name: curve(np.maximum(stored["norms"][:, 0], SMALLEST)) for name, stored in arrays.items()
+    norms = {name: curve(np.maximum(stored["norms"][:, 0], 1e-30)) for name, stored in arrays.items()
              if stored["norms"].size}
     page.add_curves({"loss": losses}, "iteration", "Of every iteration; the best one is kept.")
     if norms:

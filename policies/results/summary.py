@@ -19,8 +19,6 @@ SETTINGS = {"material": "{}", "starts": "{} starts", "action_repeat": "action re
             "n_envs": "{} environments at once", "obs": "observes {}",
             "max_episodes": "at most {} episodes"}
 """Columns of settings in which the runs of a method may differ, and their texts in a table."""
-PUBLISHED_AS = {"dg_sac_literal": "dg_sac"}
-"""Methods that the paper has under another name."""
 RESAMPLES = 2000
 """Resamples of the bootstrap."""
 
@@ -91,5 +89,6 @@ def interquartile_mean(data: np.ndarray) -> float:
 def published_value(published: dict, key: str, method: str, task: str) -> list[float] | None:
     """Return the published mean and deviation of a figure, None where there is none; it is of the last ten episodes."""
     name = {"tcs_last10": "tcs", "return": "return"}.get(key)
-    values = published[name].get(PUBLISHED_AS.get(method, method)) if name is not None else None
+    method = "dg_sac" if method == "dg_sac_literal" else method  # as the paper calls it
+    values = published[name].get(method) if name is not None else None
     return values[published["tasks"].index(task)] if values and task in published["tasks"] else None
