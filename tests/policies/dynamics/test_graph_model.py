@@ -16,7 +16,6 @@ from policies.methods.graph_search import cost
 from policies.methods.train import train
 from robosim.tasks.task import load_task
 
-torch.set_num_threads(1)
 SIZES = GraphSizes(hidden=16, message_steps=2, history=2, neighbours=6, updates=300, batch_size=4)
 SURFACES = np.zeros((5, 3)), np.zeros((0, 3))
 SCALES = Scales(0.02, 0.003, np.zeros(3), np.full(3, 1e-3))

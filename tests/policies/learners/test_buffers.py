@@ -6,15 +6,13 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
+import torch
+from sb3_contrib import TQC, CrossQ
+from stable_baselines3 import DDPG, SAC, TD3
 
-torch = pytest.importorskip("torch")
-from sb3_contrib import TQC, CrossQ  # noqa: E402
-from stable_baselines3 import DDPG, SAC, TD3  # noqa: E402
+from policies.learners.buffers import DemoReplayBuffer, prefill_demo_buffer
+from robosim.episode.play import run_episode
 
-from policies.learners.buffers import DemoReplayBuffer, prefill_demo_buffer  # noqa: E402
-from robosim.episode.play import run_episode  # noqa: E402
-
-torch.set_num_threads(1)
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
 
 

@@ -3,16 +3,15 @@
 import gymnasium
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from policies.learners.buffers import DemoReplayBuffer  # noqa: E402
-from policies.learners.learner import ENCODERS, build_learner, learner_class  # noqa: E402
-from policies.learners.networks import WIDTH, PartsEncoder  # noqa: E402
-from policies.learning.presets import load_preset  # noqa: E402
-from robosim.base.errors import ConfigError  # noqa: E402
-from robosim.base.resources import config_names  # noqa: E402
-from robosim.config.settings import Setting  # noqa: E402
+from policies.learners.buffers import DemoReplayBuffer
+from policies.learners.learner import ENCODERS, build_learner, learner_class
+from policies.learners.networks import WIDTH, PartsEncoder
+from policies.learning.presets import load_preset
+from robosim.base.errors import ConfigError
+from robosim.base.resources import config_names
+from robosim.config.settings import Setting
 
 BUILT = ("SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "GAIL")
 """Learners that are classes of Stable-Baselines3."""

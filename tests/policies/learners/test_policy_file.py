@@ -3,12 +3,10 @@
 import gymnasium
 import numpy as np
 import pytest
+from stable_baselines3 import SAC, TD3
 
-torch = pytest.importorskip("torch")
-from stable_baselines3 import SAC, TD3  # noqa: E402
-
-from policies.learners.policy_file import export_policy  # noqa: E402
-from robosim.studies.evaluation.policies import NetworkPolicy  # noqa: E402
+from policies.learners.policy_file import export_policy
+from robosim.studies.evaluation.policies import NetworkPolicy
 
 
 @pytest.mark.parametrize("kind", [SAC, TD3])

@@ -3,16 +3,14 @@
 import gymnasium
 import numpy as np
 import pytest
+import torch
+from stable_baselines3 import SAC
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.torch_layers import FlattenExtractor
 
-torch = pytest.importorskip("torch")
-from stable_baselines3 import SAC  # noqa: E402
-from stable_baselines3.common.logger import Logger  # noqa: E402
-from stable_baselines3.common.torch_layers import FlattenExtractor  # noqa: E402
+from policies.learners.critics import CriticEnsemble, EnsembleLayer, EnsembleNorm, EnsemblePolicy
+from policies.learners.soft_actor_critic import EnsembleSAC
 
-from policies.learners.critics import CriticEnsemble, EnsembleLayer, EnsembleNorm, EnsemblePolicy  # noqa: E402
-from policies.learners.soft_actor_critic import EnsembleSAC  # noqa: E402
-
-torch.set_num_threads(1)
 OBSERVED, ACTED, BATCH = 7, 3, 16
 
 

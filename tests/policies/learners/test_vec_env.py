@@ -6,17 +6,12 @@ from collections.abc import Iterator
 import gymnasium
 import numpy as np
 import pytest
+from stable_baselines3 import TD3
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import VecMonitor
 
 import mpm
-
-torch = pytest.importorskip("torch")
-from stable_baselines3 import TD3  # noqa: E402
-from stable_baselines3.common.evaluation import evaluate_policy  # noqa: E402
-from stable_baselines3.common.vec_env import VecMonitor  # noqa: E402
-
-from policies.learners.vec_env import SB3VecEnv  # noqa: E402
-
-torch.set_num_threads(1)
+from policies.learners.vec_env import SB3VecEnv
 
 
 @pytest.fixture(scope="module")

@@ -6,25 +6,23 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from docstring_example import run_example
+from stable_baselines3 import TD3
+from stable_baselines3.common.noise import NormalActionNoise
 
-torch = pytest.importorskip("torch")
-from stable_baselines3 import TD3  # noqa: E402
-from stable_baselines3.common.noise import NormalActionNoise  # noqa: E402
+from policies.demonstrations.spline_search import sample_spline
+from policies.learners.learner import NOISE
+from policies.learning.options import TrainingOptions
+from policies.learning.presets import load_preset
+from policies.methods import method as registry
+from policies.methods.train import train
+from policies.runs import checkpoint
+from policies.runs.episodes import Episodes
+from policies.runs.training import Training
+from robosim.base.resources import config_names
+from robosim.episode.play import play
 
-from policies.demonstrations.spline_search import sample_spline  # noqa: E402
-from policies.learners.learner import NOISE  # noqa: E402
-from policies.learning.options import TrainingOptions  # noqa: E402
-from policies.learning.presets import load_preset  # noqa: E402
-from policies.methods import method as registry  # noqa: E402
-from policies.methods.train import train  # noqa: E402
-from policies.runs import checkpoint  # noqa: E402
-from policies.runs.episodes import Episodes  # noqa: E402
-from policies.runs.training import Training  # noqa: E402
-from robosim.base.resources import config_names  # noqa: E402
-from robosim.episode.play import play  # noqa: E402
-
-torch.set_num_threads(1)
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
 EPISODES = {"cmaes": 10, "demo": 1}
 """Episodes of a short run: a generation, the one demonstration; 3 of other methods."""

@@ -5,20 +5,18 @@ import json
 
 import numpy as np
 import pytest
+import torch
 
 import mpm
+from policies.learning.environments import make_environment
+from policies.learning.options import TrainingOptions
+from policies.learning.presets import Actor, Preset, load_preset
+from policies.methods.train import train
+from policies.runs.episode_batch import EpisodeBatch
+from policies.runs.training import Training
+from robosim.config.settings import Setting
+from robosim.episode.play import play
 
-torch = pytest.importorskip("torch")
-from policies.learning.environments import make_environment  # noqa: E402
-from policies.learning.options import TrainingOptions  # noqa: E402
-from policies.learning.presets import Actor, Preset, load_preset  # noqa: E402
-from policies.methods.train import train  # noqa: E402
-from policies.runs.episode_batch import EpisodeBatch  # noqa: E402
-from policies.runs.training import Training  # noqa: E402
-from robosim.config.settings import Setting  # noqa: E402
-from robosim.episode.play import play  # noqa: E402
-
-torch.set_num_threads(1)
 TASK, REPEAT = "SpoonTranslate", 200
 """Five decisions an episode."""
 OPTIONS = {"learning_rate": 1e-3, "batch_size": 8, "learning_starts": 0, "policy_kwargs": {"net_arch": [16]}}

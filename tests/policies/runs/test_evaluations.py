@@ -4,18 +4,16 @@ import csv
 
 import numpy as np
 import pytest
+import torch
 
 import mpm
+from policies.learning.environments import make_training_environment
+from policies.learning.options import TrainingOptions
+from policies.learning.presets import load_preset
+from policies.runs.evaluations import PATIENCE, Evaluations, SaturatedActor
+from policies.runs.training import Training
+from robosim.episode.play import run_episode
 
-torch = pytest.importorskip("torch")
-from policies.learning.environments import make_training_environment  # noqa: E402
-from policies.learning.options import TrainingOptions  # noqa: E402
-from policies.learning.presets import load_preset  # noqa: E402
-from policies.runs.evaluations import PATIENCE, Evaluations, SaturatedActor  # noqa: E402
-from policies.runs.training import Training  # noqa: E402
-from robosim.episode.play import run_episode  # noqa: E402
-
-torch.set_num_threads(1)
 pytestmark = pytest.mark.filterwarnings("ignore::mpm.GrainsLeaveGrid")  # of a policy that has learned nothing yet
 REPEAT = 100
 """Steps of an action: ten decisions an episode."""

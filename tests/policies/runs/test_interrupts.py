@@ -6,19 +6,17 @@ import os
 import signal
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
+import stand_ins
+from result_files import check_files, find_unfinished, read_events, read_rows, read_status
 
-pytest.importorskip("torch")
-import gymnasium  # noqa: E402
-import stand_ins  # noqa: E402
-from result_files import check_files, find_unfinished, read_events, read_rows, read_status  # noqa: E402
-
-from policies.demonstrations import demo, generator, request  # noqa: E402
-from policies.demonstrations.demo import demonstrate  # noqa: E402
+from policies.demonstrations import demo, generator, request
+from policies.demonstrations.demo import demonstrate
 from policies.learning.options import SearchOptions
-from robosim.commands.main import main  # noqa: E402
-from robosim.rendering.video import Mp4Writer  # noqa: E402
+from robosim.commands.main import main
+from robosim.rendering.video import Mp4Writer
 
 QUICK = ["--set", "options.batch_size=16", "--set", "options.policy_kwargs.net_arch=[8,8]"]
 

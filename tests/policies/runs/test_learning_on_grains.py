@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch")
-from policies.learning.environments import make_environment  # noqa: E402
-from policies.learning.options import TrainingOptions  # noqa: E402
-from policies.methods.train import train  # noqa: E402
-from robosim.config.settings import read_setting  # noqa: E402
-from robosim.episode.play import play  # noqa: E402
+from policies.learning.environments import make_environment
+from policies.learning.options import TrainingOptions
+from policies.methods.train import train
+from robosim.config.settings import read_setting
+from robosim.episode.play import play
 
-torch.set_num_threads(1)
 TASK, REPEAT, EVERY, EPISODES = "SpoonTranslate", 10, 5, 20
 DEMONSTRATION = Path(__file__).resolve().parents[3] / "policies" / "trained" / "demonstrations" / f"{TASK}.npz"
 SMALL = [read_setting(text) for text in (

@@ -5,11 +5,9 @@ import numpy as np
 import pytest
 
 import mpm
-
-pytest.importorskip("torch")
-from policies.runs import checkpoint  # noqa: E402
-from policies.runs.episodes import Episode, Episodes  # noqa: E402
-from policies.runs.run_folder import RunFolder  # noqa: E402
+from policies.runs import checkpoint
+from policies.runs.episodes import Episode, Episodes
+from policies.runs.run_folder import RunFolder
 
 
 def test_the_best_motion_outlasts_a_resume(tmp_path):

@@ -6,18 +6,16 @@ import time
 
 import numpy as np
 import pytest
+import torch
 
 import mpm
+from policies.demonstrations.reading import read_demonstrations
+from policies.learning.options import TrainingOptions
+from policies.learning.presets import Actor, Preset, load_preset
+from policies.methods.train import train
+from policies.runs.training import Training
+from robosim.base.errors import ConfigError
 
-torch = pytest.importorskip("torch")
-from policies.demonstrations.reading import read_demonstrations  # noqa: E402
-from policies.learning.options import TrainingOptions  # noqa: E402
-from policies.learning.presets import Actor, Preset, load_preset  # noqa: E402
-from policies.methods.train import train  # noqa: E402
-from policies.runs.training import Training  # noqa: E402
-from robosim.base.errors import ConfigError  # noqa: E402
-
-torch.set_num_threads(1)
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
 """Options of a learner that is quick."""
 
