@@ -14,7 +14,7 @@ from extreme_values import FILLS, SMALL, array_files, damaged, fuzz, handle, jso
 
 import mpm
 from policies.demonstrations.action_repeat import ActionRepeat
-from policies.demonstrations.demo import load_actions
+from policies.demonstrations.demo import first_actions
 from policies.demonstrations.descent import STATE, Descent
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
 from policies.demonstrations.request import load_stored
@@ -125,7 +125,7 @@ ARRAYS = {
     "motion of a policy": Reader(follow, ACTIONS), "network": Reader(follow, NETWORK),
     "motion of a rehearsal": Reader(lambda path: load_motion(path, "SpoonTranslate", TASK), ACTIONS),
     "demonstration": Reader(read_demonstration, ACTIONS),
-    "begin of a search": Reader(lambda path: load_actions(path, ActionRepeat(TASK, 10)), ACTIONS),
+    "begin of a search": Reader(lambda path: first_actions(path, None, TASK, ActionRepeat(TASK, 10)), ACTIONS),
     "unfinished search": Reader(continue_search, search_state()),
     "rollout": Reader(read_rollout, {"grains": np.zeros((3, 4, 3)), "tool": np.zeros((3, 7))}),
     "settled start": Reader(read_start_state, {"x": np.zeros((4, 3)), "made_for": np.array("digest"),

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 import mpm
-from mpm.array_files import read_arrays
 from mpm.files import temporary_path
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import make_demonstrations
+from policies.demonstrations.reading import read_actions
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import draw_learning_curves, write_table
 from policies.learning.environments import make_environment
@@ -56,18 +56,9 @@ def first_actions(start: str | Path | None, until: float | None, task: Any, moti
         raise mpm.InvalidValue(f"--until {until}; accepted: with --from {SCRIPT}, above 0 up to {end:g} s")
     if start is None:
         return np.zeros(motion.shape)
-    return motion.follow_script(task, until or end) if str(start) == SCRIPT else load_actions(Path(start), motion)
-
-
-def load_actions(path: Path, motion: ActionRepeat) -> np.ndarray:
-    """Load actions to begin with from a file; raises mpm.InvalidValue for what does not fit the task."""
-    try:
-        actions = read_arrays(path).numbers("actions").astype(float)
-    except (OSError, ValueError) as error:
-        raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
-    if actions.shape != motion.shape or not np.all(np.abs(actions) <= 1.0):
-        raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: {motion.shape}, from -1 to 1")
-    return actions
+    if str(start) == SCRIPT:
+        return motion.follow_script(task, until or end)
+    return read_actions(Path(start), motion.decisions, motion.action_repeat, motion.dimensions).astype(float)
 
 
 def count_fixed(until: float | None, task: Any, action_repeat: int, decisions: int) -> int:

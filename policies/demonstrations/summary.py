@@ -8,7 +8,6 @@ import numpy as np
 
 from mpm.array_files import read_arrays
 from mpm.files import write
-from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import DemonstrationGenerator
 from policies.demonstrations.request import DemonstrationRequest
 from policies.learning.environments import score_motion
@@ -89,9 +88,8 @@ def write_table(request: DemonstrationRequest, n: int, env: Any, *, arm: bool) -
 
 def arm_demands(generator: DemonstrationGenerator, start: dict[str, Any], actions: np.ndarray) -> dict[str, float]:
     """Return what a motion from a start demands of the arm's joints; see `robosim.envs.reach.Reach.readings`."""
-    env = generator.env
-    env.reset(**start)
-    pose, motion = env.solver.collider_pose(0), ActionRepeat(env.task, generator.options.action_repeat)
+    generator.env.reset(**start)
+    pose, motion = generator.env.solver.collider_pose(0), generator.loss.actions
     motion.set_start(pose.position)
     return generator.loss.reach.readings(pose, *motion.to_twists(actions))
 

@@ -95,8 +95,6 @@ def remove_temporary(folder: Path) -> None:
     """Remove what killed processes left unfinished in a folder; only for the process that holds the folder's lock."""
     for path in folder.iterdir():
         if TEMPORARY.fullmatch(path.name):
-            if path.is_dir():
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                with contextlib.suppress(OSError):  # a file that another user left stays
-                    path.unlink()
+            shutil.rmtree(path, ignore_errors=True)
+            with contextlib.suppress(OSError):  # a file that another user left stays
+                path.unlink()

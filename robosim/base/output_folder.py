@@ -10,7 +10,7 @@ from filelock import FileLock, Timeout
 
 from mpm.files import write
 from robosim.base.errors import ConfigError
-from robosim.base.files import keep_status, remove_temporary, write_json, write_text
+from robosim.base.files import keep_status, remove_temporary, write_json
 
 LOCK = ".lock"
 """File of a folder by which a process keeps it from others."""
@@ -76,14 +76,12 @@ class OutputFolder:
 
     def clear(self, names: tuple[str, ...]) -> None:
         """Remove what an earlier run left, also what it did not finish."""
-        for name in names:
+        for name in (*names, *(f"{name}.part" for name in names)):
             (self.path / name).unlink(missing_ok=True)
-            (self.path / f"{name}.part").unlink(missing_ok=True)
 
     def write_text(self, name: str, text: str) -> Path:
         """Write a text."""
-        write_text(self.path / name, text)
-        return self.path / name
+        return self.write(name, lambda path: path.write_text(text))
 
     def write_yaml(self, name: str, value: dict) -> Path:
         """Write a table in the order given."""

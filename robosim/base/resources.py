@@ -55,9 +55,9 @@ def part_names(kind: str) -> list[str]:
 
 def config_path(kind: str, name: str, what: str) -> Path:
     """Path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml."""
-    if name.endswith((".yaml", ".yml")) and Path(name).is_file():
-        return Path(name)
     if name.endswith((".yaml", ".yml")):
+        if Path(name).is_file():
+            return Path(name)
         raise ConfigError(f"{what} {name}: no such file; accepted: a .yaml file of your own, or one of "
                           f"{', '.join(config_names(kind))}")
     if name not in config_names(kind):

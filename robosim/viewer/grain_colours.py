@@ -28,15 +28,16 @@ class GrainColours:
     def __init__(self, n: int, material: tuple[float, float, float]) -> None:
         shades = np.random.default_rng(0).uniform(1.0 - 2.0 * SHADES, 1.0, (n, 1))
         self._material = np.clip(255.0 * shades * np.asarray(material), 0.0, 255.0).astype(np.uint8)
-        self._tables = {name: (255 * matplotlib.colormaps[name](np.linspace(0, 1, 256))[:, :3]).astype(np.uint8)
-                        for name in ("viridis", "inferno")}
+        self._tables = {colouring: (255 * matplotlib.colormaps[name](np.linspace(0, 1, 256))[:, :3]).astype(np.uint8)
+                        for colouring, name in (("speed", "viridis"), ("pressure", "inferno"))}
 
     def colours(self, grains: GrainState, colouring: str, placed: np.ndarray | None = None) -> np.ndarray:
         """Return colours (n, 3), uint8; placed (n,): which grains are in the tool or a place."""
-        if colouring == "speed":
-            return self._scale("viridis", grains.speeds, *SPEED_RANGE)
-        if colouring == "pressure":
-            return self._scale("inferno", grains.pressures, *PRESSURE_RANGE)
+        if colouring in ("speed", "pressure"):  # on a logarithmic scale
+            values, (low, high) = (grains.speeds, SPEED_RANGE) if colouring == "speed" else \
+                (grains.pressures, PRESSURE_RANGE)
+            share = np.log(np.clip(values, low, high) / low) / np.log(high / low)
+            return self._tables[colouring][(255 * share).astype(np.uint8)]
         marked = {"awake": (~grains.awake, ASLEEP), "outside": (None if placed is None else ~placed, OUTSIDE)}
         chosen, colour = marked.get(colouring, (None, ASLEEP))
         if chosen is None or not chosen.any():
@@ -44,8 +45,3 @@ class GrainColours:
         result = self._material.copy()
         result[chosen] = colour
         return result
-
-    def _scale(self, table: str, values: np.ndarray, low: float, high: float) -> np.ndarray:
-        """Return colours of values (n,) on a logarithmic scale from low to high."""
-        share = np.log(np.clip(values, low, high) / low) / np.log(high / low)
-        return self._tables[table][(255 * share).astype(np.uint8)]

@@ -1,5 +1,6 @@
 """What is drawn over a scene: paths, the force of the grains, regions that count, and waypoints."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,28 +30,23 @@ class Overlays:
         self.visible = dict.fromkeys(OVERLAYS, False)
         self._nodes: dict[str, list[Any]] = {name: [] for name in OVERLAYS}
         self._regions: list[tuple[RegionEntry, Any]] = []
-        self._reached, self._arrow = None, None
+        self._drawn: dict[str, Any] = {}
         header, scene = recording.header, server.scene
+        thin: dict[str, Any] = {"thickness": 2.0, "thickness_units": "screen", "visible": False}
         for name, points in recording.paths.items():
             if len(points) > 1:
-                self._add("path", scene.add_line_segments(f"/overlays/path/{name}", join(points), COMMANDED,
-                                                          thickness=2.0, thickness_units="screen", visible=False))
+                self._nodes["path"].append(scene.add_line_segments(f"/overlays/path/{name}", join(points), COMMANDED,
+                                                                   **thin))
         for region in header.regions:
-            kind = "inside of the tool" if region.body else "regions"
             lines = scene.add_line_segments(f"/overlays/regions/{region.name}", outline(region),
-                                            INSIDE if region.body else PLACE, thickness=2.0,
-                                            thickness_units="screen", visible=False)
-            self._add(kind, lines)
+                                            INSIDE if region.body else PLACE, **thin)
+            self._nodes["inside of the tool" if region.body else "regions"].append(lines)
             self._regions.append((region, lines))
         for point in header.waypoints:
-            place = np.array(point.position)
-            self._add("waypoints", scene.add_icosphere(f"/overlays/waypoints/{point.name}", 0.004, COMMANDED,
-                                                       position=place, visible=False))
-            self._add("waypoints", scene.add_label(f"/overlays/waypoints/{point.name}/name", point.name,
-                                                   visible=False))
-
-    def _add(self, kind: str, node: Any) -> None:
-        self._nodes[kind].append(node)
+            node = f"/overlays/waypoints/{point.name}"
+            self._nodes["waypoints"] += [
+                scene.add_icosphere(node, 0.004, COMMANDED, position=np.array(point.position), visible=False),
+                scene.add_label(f"{node}/name", point.name, visible=False)]
 
     def set_visible(self, kind: str, visible: bool) -> None:
         """Show or hide an overlay."""
@@ -63,34 +59,25 @@ class Overlays:
         for region, lines in self._regions:
             pose = region_pose(region, poses)
             lines.position, lines.wxyz = pose.position, pose.quaternion
-        tool = self._recording.header.tool
-        if tool in poses and self.visible["force"]:
-            self._show_force(scene.wrench[:3], poses[tool])
-        if tool in poses and self.visible["path"]:
-            self._show_reached(k)
+        tool, draw = self._recording.header.tool, self._server.scene
+        if tool in poses and self.visible["force"]:  # of the grains, at the tool's origin
+            origin = poses[tool].position
+            arrow = LONGEST * scene.wrench[:3] / max(self._history.largest_force, LEAST_SCALE)
+            points = np.array([[origin, origin + arrow + [0.0, 0.0, 1e-6]]], np.float32)
+            self._draw("force", points, lambda: draw.add_arrows(
+                "/overlays/force", points, FORCE, shaft_radius=0.003, head_radius=0.007, head_length=0.018))
+        if tool in poses and self.visible["path"] and k > 0:
+            reached = join(self._history.tool_positions[: k + 1])
+            self._draw("path", reached, lambda: draw.add_line_segments(
+                "/overlays/path/reached", reached, REACHED, thickness=3.0, thickness_units="screen"))
 
-    def _show_force(self, force: np.ndarray, pose: mpm.Pose) -> None:
-        """Draw the force of the grains (3,) [N] at the tool's origin."""
-        arrow = LONGEST * force / max(self._history.largest_force, LEAST_SCALE)
-        points = np.array([[pose.position, pose.position + arrow + [0.0, 0.0, 1e-6]]], np.float32)
-        if self._arrow is None:
-            self._arrow = self._server.scene.add_arrows("/overlays/force", points, FORCE, shaft_radius=0.003,
-                                                        head_radius=0.007, head_length=0.018)
-            self._add("force", self._arrow)
+    def _draw(self, kind: str, points: np.ndarray, make: Callable[[], Any]) -> None:
+        """Give what an overlay draws anew in each frame its points; make: makes it with them."""
+        if kind in self._drawn:
+            self._drawn[kind].points = points
         else:
-            self._arrow.points = points
-
-    def _show_reached(self, k: int) -> None:
-        """Draw the path of the tool up to the k-th frame."""
-        if k == 0:
-            return
-        points = join(self._history.tool_positions[: k + 1])
-        if self._reached is None:
-            self._reached = self._server.scene.add_line_segments("/overlays/path/reached", points, REACHED,
-                                                                 thickness=3.0, thickness_units="screen")
-            self._add("path", self._reached)
-        else:
-            self._reached.points = points
+            self._drawn[kind] = make()
+            self._nodes[kind].append(self._drawn[kind])
 
 
 def join(points: np.ndarray) -> np.ndarray:

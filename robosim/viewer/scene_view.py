@@ -33,7 +33,11 @@ class SceneView:
         server.scene.set_up_direction("+z")
         server.scene.set_background_image(BACKGROUND)
         server.scene.world_axes.visible = False
-        light_scene(server)
+        server.scene.configure_default_lights(enabled=False)
+        server.scene.configure_environment_map(None)  # pictures of surroundings would come from a network
+        server.scene.add_light_hemisphere("/lights/sky", sky_color=SKY, ground_color=GROUND, intensity=1.3)
+        server.scene.add_light_directional("/lights/key", intensity=1.6, position=(1.2, -0.9, 2.5))
+        server.scene.add_light_directional("/lights/fill", intensity=0.5, position=(0.5, 2.0, 1.5))
         self._bodies: dict[str, Any] = {}
         for body in header.bodies:
             self._bodies[body.name] = server.scene.add_glb(
@@ -93,15 +97,6 @@ class SceneView:
             seen &= find_in_sight(grains.positions, self._sight, radius)
         self._grains.points = (grains.positions[seen] - self._centre).astype(np.float16)
         self._grains.colors = colours[seen]
-
-
-def light_scene(server: viser.ViserServer) -> None:
-    """Light a scene from above and from the side: without pictures of surroundings, which would come from a network."""
-    server.scene.configure_default_lights(enabled=False)
-    server.scene.configure_environment_map(None)
-    server.scene.add_light_hemisphere("/lights/sky", sky_color=SKY, ground_color=GROUND, intensity=1.3)
-    server.scene.add_light_directional("/lights/key", intensity=1.6, position=(1.2, -0.9, 2.5))
-    server.scene.add_light_directional("/lights/fill", intensity=0.5, position=(0.5, 2.0, 1.5))
 
 
 def aim_first_camera(server: viser.ViserServer, cameras: list[CameraEntry], preferred: str) -> None:
