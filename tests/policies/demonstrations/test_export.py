@@ -108,9 +108,9 @@ def check_observations(stored: Any, space: gymnasium.Space) -> None:
 
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(mpm.InvalidValue, match="no demonstration_"):
-        export("SpoonTranslate", tmp_path, tmp_path / "a.hdf5")
-    with pytest.raises(mpm.InvalidValue, match="cannot be called 'a b'; accepted: letters"):
-        export("SpoonTranslate", tmp_path, tmp_path / "a b")
-    with pytest.raises(ConfigError, match="SpoonStir.*valid: Bottle"):
-        export("SpoonStir", tmp_path, tmp_path / "a.hdf5")
+    for task, out, error, message in (
+            ("SpoonTranslate", "a.hdf5", mpm.InvalidValue, "no demonstration_"),
+            ("SpoonTranslate", "a b", mpm.InvalidValue, "cannot be called 'a b'; accepted: letters"),
+            ("SpoonStir", "a.hdf5", ConfigError, "SpoonStir.*valid: Bottle")):
+        with pytest.raises(error, match=message):
+            export(task, tmp_path, tmp_path / out)

@@ -35,11 +35,9 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
     """
     options = SMALL if learner == "SAC" else {"n_steps": 200, "batch_size": 50, "learning_rate": 1e-3}
     preset = make_preset(learner=learner, options=options, decay=decay, actor=actor)
-    whole = Training("x", preset, "Pendulum-v1", tmp_path / "whole",
-                     TrainingOptions(seed=1, checkpoint_every=2))
+    whole, interrupted = (Training("x", preset, "Pendulum-v1", tmp_path / name, TrainingOptions(
+        seed=1, checkpoint_every=2)) for name in ("whole", "interrupted"))
     whole.learn()
-    interrupted = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted",
-                           TrainingOptions(seed=1, checkpoint_every=2))
     report = interrupted.env.on_end
 
     def interrupt(episode) -> None:
@@ -53,8 +51,7 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
     interrupted.folder.close()
     np.random.seed(99)  # noqa: NPY002  (the process that continues has another state)
     torch.manual_seed(99)
-    again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted",
-                     TrainingOptions(seed=1, checkpoint_every=2))
+    again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", TrainingOptions(seed=1, checkpoint_every=2))
     again.learn()
     assert again.env.count == whole.env.count == 4
     for one, other in zip(again.model.policy.parameters(), whole.model.policy.parameters(), strict=True):
@@ -65,17 +62,15 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
 
 
 def test_arguments_that_do_not_fit_are_refused(tmp_path):
-    with pytest.raises(ConfigError, match="valid: bc, cmaes"):
-        train("dgsac", "Pendulum-v1", tmp_path, TrainingOptions())
-    with pytest.raises(ConfigError, match="NoSuchTask"):
-        train("sac", "NoSuchTask", tmp_path, TrainingOptions())
-    with pytest.raises(mpm.InvalidValue, match="--demos"):
-        train("dg_sac", "Pendulum-v1", tmp_path, TrainingOptions())
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((100, 6)))
-    with pytest.raises(mpm.InvalidValue, match=r"shape \(100, 6\)"):
-        train("dg_sac", "Pendulum-v1", tmp_path / "run", TrainingOptions(demos=tmp_path))
-    with pytest.raises(mpm.InvalidValue, match="takes no demonstrations"):
-        train("sac", "Pendulum-v1", tmp_path / "run", TrainingOptions(demos=tmp_path))
+    for method, task, demos, error, message in (
+            ("dgsac", "Pendulum-v1", None, ConfigError, "valid: bc, cmaes"),
+            ("sac", "NoSuchTask", None, ConfigError, "NoSuchTask"),
+            ("dg_sac", "Pendulum-v1", None, mpm.InvalidValue, "--demos"),
+            ("dg_sac", "Pendulum-v1", tmp_path, mpm.InvalidValue, r"shape \(100, 6\)"),
+            ("sac", "Pendulum-v1", tmp_path, mpm.InvalidValue, "takes no demonstrations")):
+        with pytest.raises(error, match=message):
+            train(method, task, tmp_path / "run", TrainingOptions(demos=demos))
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((10, 3)))
     with pytest.raises(mpm.InvalidValue, match="10 actions"):
         read_demonstrations(tmp_path, 100, 10, 3)

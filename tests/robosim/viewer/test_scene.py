@@ -85,8 +85,8 @@ def test_a_scene_shows_each_frame(recording: Recording) -> None:
             assert np.abs(view._grains.points + view._centre - GRAINS.positions).max() < 1e-3  # type: ignore[union-attr]
             region, lines = view.overlays._regions[0]
             assert np.allclose(lines.position, [0, 0, 0.05 * k], atol=1e-6) and region.name == "bowl"
-        assert np.allclose(view.overlays._arrow.points[0, 1] - view.overlays._arrow.points[0, 0],  # type: ignore[union-attr]
-                           [0, 0, 0.2 * 3 / 5], atol=1e-5)
+        (begin, end), = view.overlays._drawn["force"].points
+        assert np.allclose(end - begin, [0, 0, 0.2 * 3 / 5], atol=1e-5)
         view.recolour("outside")
         assert tuple(view._grains.colors[2]) == OUTSIDE  # type: ignore[union-attr]
     finally:
