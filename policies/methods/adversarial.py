@@ -26,8 +26,7 @@ class DiscriminatorReward(VecEnvWrapper):
     standardise: maps pairs (n, features) to those that the discriminator takes.
     """
 
-    def __init__(self, venv: Any, discriminator: nn.Module,
-                 standardise: Callable[[np.ndarray], torch.Tensor]) -> None:
+    def __init__(self, venv: Any, discriminator: nn.Module, standardise: Callable[[np.ndarray], torch.Tensor]) -> None:
         super().__init__(venv)
         self._discriminator, self._standardise = discriminator, standardise
         self.recent: list[torch.Tensor] = []

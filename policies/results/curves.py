@@ -9,20 +9,24 @@ import matplotlib as mpl
 import numpy as np
 
 from policies.results.summary import name_lines
+from robosim.base.input_files import read_text
 
 POINT = 10
 """Episodes of which a point of a curve is the mean."""
-PANEL = (4.6, 3.2)
-"""Width and height of a task's panel [in]."""
+MAX_ROWS_BYTES = 200_000_000
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file; none where there is no file."""
+    return list(csv.DictReader(read_text(path, MAX_ROWS_BYTES).splitlines())) if path.is_file() else []
 
 
 def read_curve(path: Path) -> list[float] | None:
-    """Return the mean score of every ten episodes of an episodes.csv; None where it has no scores.
+    """Return the mean score of every ten episodes of an episodes.csv; None where it has no scores, or is not there.
 
     Raises OSError, ValueError for a file that cannot be read.
     """
-    with path.open(newline="") as file:
-        scores = [float(row["tcs"]) for row in csv.DictReader(file) if row.get("tcs")]
+    scores = [float(row["tcs"]) for row in read_rows(path) if row.get("tcs")]
     return [round(float(np.mean(scores[k : k + POINT])), 2) for k in range(0, len(scores), POINT)] or None
 
 
@@ -46,7 +50,7 @@ def draw_curves(file: Any, groups: dict[str, dict[str, list[list[float]]]], kind
 
     columns = min(3, len(groups))
     rows = -(-len(groups) // columns)
-    figure, panels = plt.subplots(rows, columns, figsize=(PANEL[0] * columns, PANEL[1] * rows + 0.6), squeeze=False,
+    figure, panels = plt.subplots(rows, columns, figsize=(4.6 * columns, 3.2 * rows + 0.6), squeeze=False,
                                   layout="constrained")
     names = sorted({line for lines in groups.values() for line in lines})
     colours = {name: plt.get_cmap("tab20" if len(names) > 10 else "tab10")(k) for k, name in enumerate(names)}

@@ -1,6 +1,5 @@
 """The page of a training run: verdict, learning curves, evaluations and configuration."""
 
-import csv
 import json
 import os
 import sys
@@ -10,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from policies.results.curves import MAX_ROWS_BYTES, read_rows
 from robosim.base.files import write_text
 from robosim.base.input_files import read_json, read_text
 
-MAX_ROWS_BYTES = 200_000_000
 AVERAGED = 10
 """Episodes over which a curve is averaged."""
 CHARTS = {"score": "tcs", "return": "return"}
@@ -91,11 +90,6 @@ def judge(status: dict[str, Any], count: int) -> tuple[str, bool]:
         f", {best['is_success']:.0%} of evaluated episodes succeeded"
     return (f"best policy without exploration: {score}{succeeded}; {count} episodes in "
             f"{status.get('seconds', 0.0) / 60.0:.1f} min"), best.get("is_success", 1.0) == 1.0
-
-
-def read_rows(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV file; none where there is no file."""
-    return list(csv.DictReader(read_text(path, MAX_ROWS_BYTES).splitlines())) if path.is_file() else []
 
 
 def column(rows: list[dict[str, str]], key: str) -> Curve:

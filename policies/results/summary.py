@@ -16,8 +16,7 @@ FIGURES = {"tcs_evaluated": "score of the best policy, without exploration",
            "turn_error_deg": "turn error of the motion with the highest return [deg]", "seconds": "seconds an episode"}
 """Columns that are summarised, and their titles."""
 SETTINGS = {"material": "{}", "starts": "{} starts", "action_repeat": "action repeat {}",
-            "n_envs": "{} environments at once", "obs": "observes {}",
-            "max_episodes": "at most {} episodes"}
+            "n_envs": "{} environments at once", "obs": "observes {}", "max_episodes": "at most {} episodes"}
 """Columns of settings in which the runs of a method may differ, and their texts in a table."""
 RESAMPLES = 2000
 """Resamples of the bootstrap."""

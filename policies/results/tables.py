@@ -40,8 +40,7 @@ def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
                 if status["state"] != "finished":
                     unfinished.append(f"{path.parent}: {status['state']} {status.get('reason', '')}".strip())
                     continue
-                episodes = path.with_name("episodes.csv")
-                row = make_row(manifest, status, read_curve(episodes) if episodes.is_file() else None)
+                row = make_row(manifest, status, read_curve(path.with_name("episodes.csv")))
                 check_form(row, ROW, "row")
                 rows.append(row)
             except (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:

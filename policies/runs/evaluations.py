@@ -44,10 +44,7 @@ class Evaluations:
         return count > done and (count >= done + self.every or is_over)
 
     def add(self, policy: Any, count: int) -> bool:
-        """Evaluate a policy after `count` episodes; return whether it is the best so far.
-
-        Raises SaturatedActor.
-        """
+        """Evaluate a policy after `count` episodes; return whether it is the best so far. Raises SaturatedActor."""
         raw: Any = self.env.unwrapped
         state, began = raw.state() if self._is_running else None, time.perf_counter()
         try:

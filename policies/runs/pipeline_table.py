@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from robosim.base import input_files
-from robosim.base.input_files import check_form
+from robosim.base.input_files import check_form, read_table
 from robosim.base.output_folder import aligned
 
 ARM_COLUMNS = ("scooped_mass_kg", "delivered_fraction", "spilled_fraction")
@@ -22,33 +21,26 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
     demonstration: best score among the task's grains. learned: score of the best motion, replayed. grains, delivered,
     turned_deg, relative_turn_error: in the sequence of sub-tasks, each begun with what the one before has left.
     """
-    chain = read_json(out / "chain" / "chain.json", CHAIN)
+    chain = read_table(out / "chain" / "chain.json", CHAIN)
     sequence = {row["task"]: row for row in chain.get("sub_tasks", [])}
     rows = []
     for task in tasks:
-        replayed = read_json(training_folders[task] / "status.json", STATUS).get("replayed") or {}
+        replayed = read_table(training_folders[task] / "status.json", STATUS).get("replayed") or {}
         result = sequence.get(task, {})
         result = result.get("from_previous") or result.get("from_settled_start") or {}
         rows.append({"task": task, "demonstration": _best_demonstration(out / "demonstrations" / task),
                      "learned": replayed.get("tcs"), "grains": result.get("grains"),
                      "delivered": result.get("delivered"), "turned_deg": result.get("rotation_deg"),
                      "relative_turn_error": result.get("rotation_relative_error")})
-    arm = read_json(out / "arm" / "report.json", dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
+    arm = read_table(out / "arm" / "report.json", dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
     return [*rows, {"task": "whole arm", **{key: arm.get(key) for key in ARM_COLUMNS}}]
 
 
 def _best_demonstration(folder: Path) -> float | None:
-    rows = read_json(folder / "demonstrations.json", DEMONSTRATIONS).get("demonstrations", [])
+    rows = read_table(folder / "demonstrations.json", DEMONSTRATIONS).get("demonstrations", [])
     among = [values for row in rows for condition, values in row.items() if condition.startswith("among")]
     check_form(among, [{"tcs": float}], str(folder / "demonstrations.json"))
     return max((values["tcs"] for values in among), default=None)
-
-
-def read_json(path: Path, form: dict[Any, Any]) -> dict[str, Any]:
-    """Return the table of a JSON file, {} without a file; raises mpm.InvalidValue for a file of another form."""
-    stored = input_files.read_json(path) if path.is_file() else {}
-    check_form(stored, form, str(path))
-    return stored
 
 
 def format_rows(rows: list[dict[str, Any]]) -> str:

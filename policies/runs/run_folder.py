@@ -17,7 +17,7 @@ import mpm
 from mpm.files import write
 from policies.runs.episodes import Episode
 from robosim.base.files import write_json, write_rows, write_status
-from robosim.base.input_files import differing_entries, read_json
+from robosim.base.input_files import differing_entries, read_table
 from robosim.base.output_folder import OutputFolder
 
 IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "action_repeat", "n_envs", "fingerprint",
@@ -51,7 +51,7 @@ class RunFolder:
 
     def _check_identity(self, force: bool) -> None:
         stored = self.read_json("manifest.json")
-        if stored is None or force:
+        if not stored or force:
             return
         now = json.loads(json.dumps({key: self.manifest.get(key) for key in IDENTITY}))
         differences = [f"{key} {before!r}, now {after!r}" for key, (before, after) in differing_entries(
@@ -60,23 +60,17 @@ class RunFolder:
             raise mpm.InvalidValue(f"{self.path}: holds another run: {'; '.join(differences)}; give another --out, or "
                                    f"--force to continue it")
 
-    def read_json(self, name: str) -> Any:
-        """Return a .json file's content, None without a file; raises mpm.InvalidValue where it is not JSON."""
+    def read_json(self, name: str) -> dict[str, Any]:
+        """Return a .json file's table, {} without a file; raises mpm.InvalidValue where it is none."""
         try:
-            stored = read_json(self.path / name)
-        except FileNotFoundError:
-            return None
+            return read_table(self.path / name, {})
         except ValueError as error:
             raise mpm.InvalidValue(f"{error}; remove it, or give another --out") from None
-        if not isinstance(stored, dict):
-            raise mpm.InvalidValue(f"{self.path / name}: holds no table; remove it, or give another --out")
-        return stored
 
     @property
     def is_finished(self) -> bool:
         """Whether the run has come to its end."""
-        status = self.read_json("status.json")
-        return status is not None and status.get("state") == "finished"
+        return self.read_json("status.json").get("state") == "finished"
 
     def add(self, episode: Episode, action_repeat: int) -> bool:
         """Add an episode; return whether it is the best so far, whose actions are then written to best.npz."""
@@ -114,6 +108,5 @@ class RunFolder:
 
     def update_status(self, state: str, **more: Any) -> None:
         """Write status.json with the figures that it has."""
-        stored = self.read_json("status.json") or {}
-        write_status(self.path, state, **{key: value for key, value in stored.items()
+        write_status(self.path, state, **{key: value for key, value in self.read_json("status.json").items()
                                           if key not in ("state", "process", "reason")} | more)

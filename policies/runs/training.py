@@ -98,8 +98,7 @@ class Training:
         if preset.residual is not None:
             self.agent_env = ResidualActionWrapper(self.env, self.demonstrations[0].actions, preset.residual,
                                                    preset.correction_cost)
-        self.progress = Progress(total=preset.episodes, desc=f"{method} {self.task} seed {self.seed}",
-                                 unit="episodes")
+        self.progress = Progress(total=preset.episodes, desc=f"{method} {self.task} seed {self.seed}", unit="episodes")
         self.model: Any = None
         self.evaluations: Evaluations | None = None
         if self.is_granular:

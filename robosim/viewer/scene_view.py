@@ -81,8 +81,7 @@ class SceneView:
 
     def body_poses(self, scene: SceneState) -> dict[str, mpm.Pose]:
         """Return the world poses of the moving bodies."""
-        return {body.name: mpm.Pose(row[:3], row[3:])
-                for body, row in zip(self.recording.header.moving, scene.poses)}
+        return {body.name: mpm.Pose(row[:3], row[3:]) for body, row in zip(self.recording.header.moving, scene.poses)}
 
     def _show_grains(self, grains: GrainState, poses: dict[str, mpm.Pose]) -> None:
         if self._grains is None:
