@@ -16,7 +16,7 @@ from policies.demonstrations.reading import read_actions
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import draw_learning_curves, write_table
 from policies.learning.environments import make_environment
-from policies.learning.options import SearchOptions, check_at_least
+from policies.learning.options import SearchOptions, check_at_least, to_words
 from robosim.base.jobs import worker_pool
 from robosim.base.output_folder import OutputFolder
 
@@ -85,9 +85,8 @@ def film_demonstration(request: DemonstrationRequest, k: int) -> None:
     temporary.mkdir()
     try:
         start = request.reset_arguments(k)
-        arguments = ["evaluate", request.task, "--policy", str(request.path(k)), "--episodes", "1", "--seed",
-                     str(start["seed"]), "--out", str(temporary),
-                     *(["--nominal"] if start["options"]["nominal"] else [])]
+        arguments = ["evaluate", request.task, *to_words(policy=request.path(k), episodes=1, seed=start["seed"],
+                                                         out=temporary, nominal=start["options"]["nominal"])]
         process = subprocess.run([sys.executable, "-m", "robosim", *arguments], capture_output=True, text=True,
                                  check=False)
         made = temporary / "episode.mp4"

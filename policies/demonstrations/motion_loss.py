@@ -69,21 +69,17 @@ class MotionLoss:
 
         They are taken at 0.99 x the actions, away from their bounds; (0, 2) where the motion there diverges.
         """
+        actions, rng, rows = 0.99 * actions, np.random.default_rng(0), []
         try:
-            return self._compare_with_differences(0.99 * actions)
+            _, gradient = self.value_and_grad(actions)
+            for direction in (gradient, *(rng.standard_normal(gradient.shape) for _ in range(DIRECTIONS))):
+                largest = np.abs(direction).max()
+                unit = direction / largest if largest > 0 else direction
+                rows.append((float(np.sum(gradient * unit)), self.difference(actions, unit, DIFFERENCE)))
+            return np.array(rows)
         except (mpm.SimulationDiverged, mpm.GradientDiverged) as error:
             print(f"the gradient of the best motion is not checked: {error}", file=sys.stderr)
             return np.zeros((0, 2))
-
-    def _compare_with_differences(self, actions: np.ndarray) -> np.ndarray:
-        _, gradient = self.value_and_grad(actions)
-        rng = np.random.default_rng(0)
-        rows = []
-        for direction in (gradient, *(rng.standard_normal(gradient.shape) for _ in range(DIRECTIONS))):
-            largest = np.abs(direction).max()
-            unit = direction / largest if largest > 0 else direction
-            rows.append((float(np.sum(gradient * unit)), self.difference(actions, unit, DIFFERENCE)))
-        return np.array(rows)
 
     def difference(self, actions: np.ndarray, direction: np.ndarray, step: float) -> float:
         """Return the central difference of the loss along a direction. Raises mpm.SimulationDiverged."""

@@ -20,12 +20,8 @@ TEST_EVERY = 10
 """One rollout in so many belongs to the test set."""
 CHECKPOINT_EVERY = 250
 """Updates between two checkpoints."""
-CLIP_NORM = 1.0
-"""Largest norm of a gradient."""
 OUT_OF_BOUNDS = 10.0
 """Coordinate [m] beyond which a predicted rollout ends; a table-top scene is smaller."""
-TEST_FRAME_EVERY = 5
-"""One frame in so many of a test rollout is predicted on its own."""
 
 
 class GraphModel:
@@ -69,7 +65,7 @@ class GraphModel:
             loss = torch.mean((self.network(batch_graphs(list(graphs))) - torch.cat(targets)) ** 2)
             self.optimiser.zero_grad()
             loss.backward()
-            torch.nn.utils.clip_grad_norm_(self.network.parameters(), CLIP_NORM)
+            torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
             self.optimiser.step()
             self.updates += 1
             self.losses.append(loss.item())
@@ -156,7 +152,7 @@ class GraphModel:
         frame, end, constant, h = [], [], [], self.sizes.history
         for k in self.test_set:
             grains, tool = self._grains[k], self._tools[k]
-            for t in range(h, len(grains) - 1, TEST_FRAME_EVERY):
+            for t in range(h, len(grains) - 1, 5):
                 history, truth = grains[t - h : t + 1], grains[t + 1]
                 predicted = self.predict_frame(history, tool[t - h : t + 1], tool[t + 1])
                 frame.append(np.linalg.norm(predicted - truth, axis=1).mean())

@@ -48,16 +48,6 @@ def rollout_path(folder: Path, k: int) -> Path:
     return folder / f"rollout_{k:05d}.npz"
 
 
-def write_description(folder: Path, env: Any, seed: int) -> None:
-    """Write rollouts.json; raises mpm.InvalidValue for a folder of other rollouts."""
-    path, description = folder / "rollouts.json", {**describe_environment(env), "seed": seed}
-    stored = read_text(path) if path.is_file() else None
-    if stored is not None and stored != json.dumps(description, indent=2) + "\n":
-        raise mpm.InvalidValue(f"--out {folder}: holds rollouts of {' '.join(stored.split())[:2000]}; give another "
-                               f"folder")
-    write_json(path, description)
-
-
 def read_rollouts(folder: Path, env: Any) -> Rollouts:
     """Return all rollouts of a folder with two frames or more.
 
@@ -107,7 +97,12 @@ def make_rollouts(task: str, out: Path, *, episodes: int = 200, material: str | 
     made_with = task, material, action_repeat
     env = cached_environment(*made_with)
     with OutputFolder(out), ExitStack() as stack:
-        write_description(out, env, seed)
+        path, description = out / "rollouts.json", {**describe_environment(env), "seed": seed}
+        stored = read_text(path) if path.is_file() else None
+        if stored is not None and stored != json.dumps(description, indent=2) + "\n":
+            raise mpm.InvalidValue(f"--out {out}: holds rollouts of {' '.join(stored.split())[:2000]}; give another "
+                                   f"folder")
+        write_json(path, description)
         missing = [k for k in range(episodes) if not rollout_path(out, k).is_file()]
         work = partial(make_rollout, made_with, out, seed)
         made = (map if jobs == 1 else stack.enter_context(worker_pool(jobs)).map)(work, missing)

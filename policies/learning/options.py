@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mpm
 
@@ -15,6 +16,12 @@ def check_at_least(least: int, numbers: dict[str, int]) -> None:
     for name, number in numbers.items():
         if number < least:
             raise mpm.InvalidValue(f"{name} {number}; accepted: {least} or more")
+
+
+def to_words(**options: Any) -> list[str]:
+    """Return options as arguments of a command; None and False are left out, True is an option without a value."""
+    return [word for name, value in options.items() if value is not None and value is not False
+            for word in (f"--{name.replace('_', '-')}", *([] if value is True else [str(value)]))]
 
 
 @dataclass(frozen=True, kw_only=True)

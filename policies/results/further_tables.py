@@ -20,8 +20,10 @@ TIMED_SETTINGS = ("material", "starts", "action_repeat", "max_episodes")
 def make_further_tables(summaries: Summaries, rows: list[dict[str, Any]], sources: list[Path],
                         published: dict) -> tuple[dict, list[TextTable]]:
     """Return the tables that there are runs for, as numbers and as texts."""
-    gain, turns, materials = downsampling_gain(rows), tool_turns(summaries, published), read_materials(sources)
-    tables = []
+    gain, materials, tables = downsampling_gain(rows), read_materials(sources), []
+    required, theirs = published["turn"]["asked_deg"], published["turn"]["dg_sac_deg"]
+    turns = [{"method": method, "task": task, "off_deg": figures["turn_error_deg"]["mean"], "asked_deg": required}
+             for method, tasks in summaries.items() for task, figures in tasks.items() if "turn_error_deg" in figures]
     if gain:
         published_gain = published["gain_of_down_sampling"]
         tables.append(TextTable("seconds of an episode that observes every grain / one that observes some",
@@ -30,8 +32,6 @@ def make_further_tables(summaries: Summaries, rows: list[dict[str, Any]], source
                                   f"{published_gain[task]:.2f}" if task in published_gain else ""]
                                  for task, value in gain.items()]))
     if turns:
-        required, theirs = published["turn"]["asked_deg"], published["turn"]["dg_sac_deg"]
-
         def error(degrees: float) -> list[str]:
             return [f"{degrees:.1f}", f"{degrees / abs(required):.1%}"]
 
@@ -59,13 +59,6 @@ def downsampling_gain(rows: list[dict[str, Any]]) -> dict[str, float]:
         if method == "all" and of_some and fmean(of_some) > 0.0:
             ratios[task].append(fmean(values) / fmean(of_some))
     return {task: fmean(values) for task, values in ratios.items()}
-
-
-def tool_turns(summaries: Summaries, published: dict) -> list[dict[str, Any]]:
-    """Return mean error and required turn [deg] of all methods and tasks whose tools have to turn."""
-    return [{"method": method, "task": task, "off_deg": figures["turn_error_deg"]["mean"],
-             "asked_deg": published["turn"]["asked_deg"]}
-            for method, tasks in summaries.items() for task, figures in tasks.items() if "turn_error_deg" in figures]
 
 
 def read_materials(sources: list[Path]) -> list[dict[str, Any]]:

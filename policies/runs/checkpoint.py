@@ -49,7 +49,12 @@ def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
     file that is damaged, too large, or of other versions of its packages.
     """
     try:
-        parts = _read_parts(path)
+        with zipfile.ZipFile(path) as archive:  # what its directory promises is checked before it is read
+            size = sum(member.file_size for member in archive.infolist())
+            most = min(MAX_CHECKPOINT, path.stat().st_size)
+            if size > most or any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
+                raise ValueError(f"{size} bytes when unpacked; accepted: up to {most}, not compressed")
+            parts = {member.filename: archive.read(member) for member in archive.infolist()}
         model = None
         if kind is not None:
             model = kind.load(io.BytesIO(parts["model.zip"]), env=env, device="cpu", force_reset=False)
@@ -59,16 +64,6 @@ def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
     except (*BROKEN, pickle.UnpicklingError, AttributeError, ImportError, IndexError) as error:
         raise mpm.InvalidValue(f"{path}: cannot be read: {type(error).__name__}: {error}; remove it to begin the run "
                                f"anew") from error
-
-
-def _read_parts(path: Path) -> dict[str, bytes]:
-    """Return the files of a checkpoint by name; what their directory promises is checked before they are read."""
-    with zipfile.ZipFile(path) as archive:
-        size = sum(member.file_size for member in archive.infolist())
-        most = min(MAX_CHECKPOINT, path.stat().st_size)
-        if size > most or any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
-            raise ValueError(f"{size} bytes when unpacked; accepted: up to {most}, not compressed")
-        return {member.filename: archive.read(member) for member in archive.infolist()}
 
 
 def restore_random_state(state: dict[str, Any], model: Any = None) -> None:

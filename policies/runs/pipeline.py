@@ -17,6 +17,7 @@ from typing import Any
 import mpm
 from mpm.files import write
 from policies.learning.names import check_installed
+from policies.learning.options import to_words
 from policies.learning.presets import load_preset
 from policies.runs.pipeline_table import collect_rows, format_rows
 from robosim.base.files import write_json
@@ -50,12 +51,6 @@ def learned_rehearsals() -> dict[str, list[str]]:
     paths = sorted((folder("configs") / "rehearsals").glob("*.yaml"))
     tasks = {path.stem: read(path).get("learned", []) for path in paths}
     return {name: names for name, names in tasks.items() if names}
-
-
-def to_words(**options: Any) -> list[str]:
-    """Return options as arguments of a command; None and False are left out, True is an option without a value."""
-    return [word for name, value in options.items() if value is not None and value is not False
-            for word in (f"--{name.replace('_', '-')}", *([] if value is True else [str(value)]))]
 
 
 class Pipeline:

@@ -25,22 +25,19 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
     sequence = {row["task"]: row for row in chain.get("sub_tasks", [])}
     rows = []
     for task in tasks:
+        demonstrations = out / "demonstrations" / task / "demonstrations.json"
+        among = [values for row in read_table(demonstrations, DEMONSTRATIONS).get("demonstrations", [])
+                 for condition, values in row.items() if condition.startswith("among")]
+        check_form(among, [{"tcs": float}], str(demonstrations))
         replayed = read_table(training_folders[task] / "status.json", STATUS).get("replayed") or {}
         result = sequence.get(task, {})
         result = result.get("from_previous") or result.get("from_settled_start") or {}
-        rows.append({"task": task, "demonstration": _best_demonstration(out / "demonstrations" / task),
+        rows.append({"task": task, "demonstration": max((values["tcs"] for values in among), default=None),
                      "learned": replayed.get("tcs"), "grains": result.get("grains"),
                      "delivered": result.get("delivered"), "turned_deg": result.get("rotation_deg"),
                      "relative_turn_error": result.get("rotation_relative_error")})
     arm = read_table(out / "arm" / "report.json", dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
     return [*rows, {"task": "whole arm", **{key: arm.get(key) for key in ARM_COLUMNS}}]
-
-
-def _best_demonstration(folder: Path) -> float | None:
-    rows = read_table(folder / "demonstrations.json", DEMONSTRATIONS).get("demonstrations", [])
-    among = [values for row in rows for condition, values in row.items() if condition.startswith("among")]
-    check_form(among, [{"tcs": float}], str(folder / "demonstrations.json"))
-    return max((values["tcs"] for values in among), default=None)
 
 
 def format_rows(rows: list[dict[str, Any]]) -> str:

@@ -42,23 +42,19 @@ class RunFolder:
         self._lock = OutputFolder(path)
         self.close = self._lock.release
         try:
-            self._check_identity(force)
+            stored = self.read_json("manifest.json")
+            before, now = ({key: one.get(key) for key in IDENTITY} for one in (
+                stored, json.loads(json.dumps(self.manifest))))
+            differences = [f"{key} {one!r}, now {other!r}" for key, (one, other) in
+                           differing_entries(before, now).items()]
+            if stored and differences and not force:
+                raise mpm.InvalidValue(f"{path}: holds another run: {'; '.join(differences)}; give another --out, or "
+                                       f"--force to continue it")
             if not self.is_finished or force:
                 write_json(path / "manifest.json", self.manifest)
         except BaseException:
             self.close()
             raise
-
-    def _check_identity(self, force: bool) -> None:
-        stored = self.read_json("manifest.json")
-        if not stored or force:
-            return
-        now = json.loads(json.dumps({key: self.manifest.get(key) for key in IDENTITY}))
-        differences = [f"{key} {before!r}, now {after!r}" for key, (before, after) in differing_entries(
-            {key: stored.get(key) for key in IDENTITY}, now).items()]
-        if differences:
-            raise mpm.InvalidValue(f"{self.path}: holds another run: {'; '.join(differences)}; give another --out, or "
-                                   f"--force to continue it")
 
     def read_json(self, name: str) -> dict[str, Any]:
         """Return a .json file's table, {} without a file; raises mpm.InvalidValue where it is none."""

@@ -11,7 +11,8 @@ from pydantic import Field
 
 import mpm
 from policies.learning.names import check_trainable, is_task_file
-from policies.learning.presets import Episodes, Preset, load_preset
+from policies.learning.options import to_words
+from policies.learning.presets import Episodes, load_preset
 from robosim.base.input_files import read_json
 from robosim.config.settings import Setting
 from robosim.config.table import Table, load
@@ -136,21 +137,14 @@ def _plan_run(file: SweepFile, seed: int, task: str, entry: Entry) -> SweepRun:
     name, method = Path(task).stem if is_task_file(task) else task, entry.method
     out = file.out / name / entry.name / f"seed_{seed}"
     preset = load_preset(method, [Setting(tuple(key.split(".")), value) for key, value in entry.set.items()])
-    arguments = ["train", method, task, "--seed", str(seed), "--out", str(out), *file.options,
-                 *_input_arguments(file, preset, entry, name), *entry.arguments]
-    if file.episodes is not None:
-        arguments += ["--episodes", str(file.episodes)]
-        preset = preset.model_copy(update={"episodes": file.episodes})
-    return SweepRun(out, arguments, preset.model_dump())
-
-
-def _input_arguments(file: SweepFile, preset: Preset, entry: Entry, task: str) -> list[str]:
-    """Return the arguments for the demonstrations or rollouts that a method needs."""
-    arguments = []
+    inputs = {}
     for key, folder, is_needed in (("demos", entry.demos or file.demos, preset.needs_demonstrations),
                                    ("rollouts", file.rollouts, preset.needs_rollouts)):
         if is_needed:
             if folder is None:
-                raise mpm.InvalidValue(f"method {entry.method} learns from {key}; give their folder as `{key}`")
-            arguments += [f"--{key}", folder.replace("{task}", task)]
-    return arguments
+                raise mpm.InvalidValue(f"method {method} learns from {key}; give their folder as `{key}`")
+            inputs[key] = folder.replace("{task}", name)
+    arguments = ["train", method, task, *to_words(seed=seed, out=out), *file.options, *to_words(**inputs),
+                 *entry.arguments, *to_words(episodes=file.episodes)]
+    changed = {} if file.episodes is None else {"episodes": file.episodes}
+    return SweepRun(out, arguments, {**preset.model_dump(), **changed})
