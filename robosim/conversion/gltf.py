@@ -37,20 +37,16 @@ def write_frame(recording: Recording, time: float, out: Path) -> float:
         for name, geometry in part.geometry.items():
             whole.add_geometry(geometry, node_name=f"{body.name}/{name}", geom_name=f"{body.name}/{name}",
                                transform=transform)
-    if recording.header.grains:
-        whole.add_geometry(grain_mesh(recording, k), node_name="grains", geom_name="grains")
+    header = recording.header
+    if header.grains:  # all in one mesh
+        positions = recording.grains(k).positions
+        shape, faces = np.array(GRAIN_SHAPE.vertices) * header.grain_radius, np.array(GRAIN_SHAPE.faces)
+        offsets = len(shape) * np.arange(len(positions))
+        mesh = trimesh.Trimesh((positions[:, None] + shape[None]).reshape(-1, 3),
+                               (faces[None] + offsets[:, None, None]).reshape(-1, 3), process=False)
+        colour = np.append(np.rint(255 * np.array(header.colour)), 255).astype(np.uint8)
+        mesh.visual = ColorVisuals(mesh, vertex_colors=colour)
+        whole.add_geometry(mesh, node_name="grains", geom_name="grains")
     content = export_glb(whole)
     write(out, lambda path: path.write_bytes(content))
     return scene.time
-
-
-def grain_mesh(recording: Recording, k: int) -> trimesh.Trimesh:
-    """Return the grains of a frame as one mesh."""
-    header, positions = recording.header, recording.grains(k).positions
-    shape, faces = np.array(GRAIN_SHAPE.vertices) * header.grain_radius, np.array(GRAIN_SHAPE.faces)
-    vertices = (positions[:, None] + shape[None]).reshape(-1, 3)
-    offsets = len(shape) * np.arange(len(positions))
-    mesh = trimesh.Trimesh(vertices, (faces[None] + offsets[:, None, None]).reshape(-1, 3), process=False)
-    colour = np.append(np.rint(255 * np.array(header.colour)), 255).astype(np.uint8)
-    mesh.visual = ColorVisuals(mesh, vertex_colors=colour)
-    return mesh

@@ -42,21 +42,18 @@ class Mp4Writer:
 
     def add(self, frame: Frame) -> None:
         """Append one frame (height, width, 3); all have the size of the first, with even sides."""
+        height, width = frame.shape[:2]
         if self._stream is None:
-            self._stream = self._open_stream(frame)
+            if height % 2 or width % 2:  # yuv420p halves the resolution of colour
+                raise ValueError(f"film {self.path}: frames are {width} x {height}; accepted: even sides")
+            self._stream = self._file.add_stream(
+                "libx264", rate=Fraction(self._fps).limit_denominator(1000),
+                options={"crf": "20", "preset": "veryfast", "g": str(self._keyframes)})
+            self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
         expected = (self._stream.height, self._stream.width, 3)
         if frame.shape != expected or frame.dtype != np.uint8:
             raise ValueError(f"film {self.path}: frame {frame.shape} {frame.dtype}; accepted: {expected} uint8")
         self._file.mux(self._stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
-
-    def _open_stream(self, frame: Frame) -> av.VideoStream:
-        height, width = frame.shape[:2]
-        if height % 2 or width % 2:  # yuv420p halves the resolution of colour
-            raise ValueError(f"film {self.path}: frames are {width} x {height}; accepted: even sides")
-        options = {"crf": "20", "preset": "veryfast", "g": str(self._keyframes)}
-        stream = self._file.add_stream("libx264", rate=Fraction(self._fps).limit_denominator(1000), options=options)
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        return stream
 
     def close(self) -> None:
         """Finish the film under its final name; without frames no file is left. May be called twice."""
