@@ -19,9 +19,6 @@ from robosim.base.files import write_json
 from robosim.base.progress import Progress
 from robosim.episode.play import Transition, run_episode
 
-MINARI_VERSION = "0.5.3"
-"""Of the format: Minari opens the datasets of the versions that it knows."""
-
 
 class PlayedDemonstration(NamedTuple):
     """A demonstration and its transitions."""
@@ -162,8 +159,8 @@ def write_dataset(file: Path, metadata: Path | None, episodes: list[PlayedDemons
         metadata.unlink(missing_ok=True)  # those of an earlier dataset, which has other transitions
     write(file, write_episodes)
     if metadata is not None:
-        write_json(metadata, {**more, **totals, "data_format": "hdf5", "minari_version": MINARI_VERSION,
-                              "dataset_size": file.stat().st_size / 1e6})
+        write_json(metadata, {**more, **totals, "data_format": "hdf5", "dataset_size": file.stat().st_size / 1e6,
+                              "minari_version": "0.5.3"})  # of the format; Minari opens those that it knows
 
 
 def write_episode(group: Any, k: int, episode: PlayedDemonstration) -> None:
@@ -172,14 +169,12 @@ def write_episode(group: Any, k: int, episode: PlayedDemonstration) -> None:
     group.attrs.update({"id": k, "seed": episode.seed, "total_steps": len(steps), "demonstration": episode.name,
                         "tcs": steps[-1].info["tcs"], "is_success": bool(steps[-1].info["is_success"])})
     observations = [steps[0].observation, *(step.next_observation for step in steps)]
-    if isinstance(observations[0], dict):
-        parts = group.create_group("observations")
-        for key in observations[0]:
-            parts.create_dataset(key, data=np.stack([one[key] for one in observations]), compression="gzip")
-    else:
-        group.create_dataset("observations", data=np.stack(observations), compression="gzip")
-    group.create_dataset("actions", data=np.stack([step.action for step in steps]))
-    group.create_dataset("rewards", data=np.array([step.reward for step in steps]))
+    seen = {f"observations/{key}": [one[key] for one in observations] for key in observations[0]} \
+        if isinstance(observations[0], dict) else {"observations": observations}
+    for name, values in seen.items():
+        group.create_dataset(name, data=np.stack(values), compression="gzip")
     truncated = np.array([step.info["TimeLimit.truncated"] for step in steps])
-    group.create_dataset("terminations", data=np.array([step.done for step in steps]) & ~truncated)
-    group.create_dataset("truncations", data=truncated)
+    for name, values in {"actions": [step.action for step in steps], "rewards": [step.reward for step in steps],
+                         "terminations": np.array([step.done for step in steps]) & ~truncated,
+                         "truncations": truncated}.items():
+        group.create_dataset(name, data=np.array(values))

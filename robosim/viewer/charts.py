@@ -1,4 +1,4 @@
-"""The curves of a recording, with a cursor in step with its scene."""
+"""The curves of a recording over time, with a cursor in step with its scene."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import viser
 from viser import uplot
 
 from robosim.recordings.header import CurveEntry
-from robosim.viewer.history import History
+from robosim.recordings.reader import Recording
 
 WIDTH, HEIGHT = 380, 130
 """Of the panel beside the scene, and of a chart in it [pixels]."""
@@ -16,6 +16,44 @@ FAR = 100.0
 MARGIN = 0.05
 """Above and below the curves, as a share of their range."""
 COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f")
+
+
+class History:
+    """Times, curves, positions of the tool and forces on it, of all frames that were read."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording, header = recording, recording.header
+        self._tool = next((k for k, body in enumerate(header.moving) if body.name == header.tool), None)
+        self.times = np.zeros(0)
+        """(frames,) [s]"""
+        self.values = np.zeros((0, len(header.curves)))
+        """(frames, curves)"""
+        self.tool_positions = np.zeros((0, 3))
+        """(frames, 3) [m]; zero without a tool."""
+        self.forces = np.zeros((0, 3))
+        """(frames, 3) [N] of the grains on the tool."""
+
+    @property
+    def largest_force(self) -> float:
+        """[N]"""
+        return float(np.linalg.norm(self.forces, axis=1).max()) if len(self.forces) else 0.0
+
+    def refresh(self) -> bool:
+        """Read the frames that were added; return whether there were any."""
+        new = [self._recording.scene(k) for k in range(len(self.times), len(self._recording))]
+        if not new:
+            return False
+        places = [np.zeros(3) if self._tool is None else r.poses[self._tool, :3] for r in new]
+        self.times = np.append(self.times, [r.time for r in new])
+        self.values = np.concatenate([self.values, [r.values for r in new]])
+        self.tool_positions = np.concatenate([self.tool_positions, places])
+        self.forces = np.concatenate([self.forces, [r.wrench[:3] for r in new]])
+        return True
+
+    def nearest(self, time: float) -> int:
+        """Return the frame whose time [s] is nearest."""
+        k = int(np.clip(np.searchsorted(self.times, time), 1, max(len(self.times) - 1, 1)))
+        return k if k < len(self.times) and abs(self.times[k] - time) < abs(self.times[k - 1] - time) else k - 1
 
 
 class Charts:

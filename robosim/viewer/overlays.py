@@ -10,7 +10,7 @@ import mpm
 from robosim.recordings.frames import SceneState
 from robosim.recordings.header import RegionEntry, region_pose
 from robosim.recordings.reader import Recording
-from robosim.viewer.history import History
+from robosim.viewer.charts import History
 
 COMMANDED, REACHED, FORCE, PLACE, INSIDE = (40, 110, 220), (230, 120, 20), (200, 30, 60), (30, 140, 80), (120, 60, 170)
 """RGB of the lines."""

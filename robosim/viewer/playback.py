@@ -8,9 +8,8 @@ import viser
 
 from robosim.recordings.header import CameraEntry
 from robosim.recordings.reader import Recording
-from robosim.viewer.charts import Charts
+from robosim.viewer.charts import Charts, History
 from robosim.viewer.grain_colours import COLOURINGS, LEGENDS
-from robosim.viewer.history import History
 from robosim.viewer.overlays import OVERLAYS
 from robosim.viewer.scene_view import SceneView, aim_first_camera
 

@@ -10,8 +10,8 @@ from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import CameraEntry, find_placed
 from robosim.recordings.reader import Recording
 from robosim.rendering.grain_skin import find_hidden
+from robosim.viewer.charts import History
 from robosim.viewer.grain_colours import GrainColours
-from robosim.viewer.history import History
 from robosim.viewer.overlays import Overlays
 from robosim.viewer.sight import find_in_sight, read_sight
 

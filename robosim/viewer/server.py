@@ -7,7 +7,7 @@ import viser
 
 from robosim.recordings.ports import LOCAL, PORT, check_port, free_port
 from robosim.recordings.reader import Recording
-from robosim.viewer.history import History
+from robosim.viewer.charts import History
 from robosim.viewer.scene_view import SceneView, aim_first_camera
 
 

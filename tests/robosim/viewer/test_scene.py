@@ -10,9 +10,8 @@ from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingHeader, RegionEntry
 from robosim.recordings.reader import Recording
 from robosim.recordings.writer import RecordingWriter
-from robosim.viewer.charts import add_cursor, value_range
+from robosim.viewer.charts import History, add_cursor, value_range
 from robosim.viewer.grain_colours import ASLEEP, OUTSIDE, GrainColours
-from robosim.viewer.history import History
 from robosim.viewer.scene_view import SceneView
 from robosim.viewer.server import embed_html, start_server, stop_server
 
