@@ -49,7 +49,6 @@ def add_parser(commands: Any) -> None:
                       "arm's limits (default: 0)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_settings("task's file", "grains.count=100")
-    parser.add_page()
     parser.set_defaults(run=run, after_interrupt="finished iterations are kept; the same command continues")
 
 
@@ -64,5 +63,5 @@ def run(options: argparse.Namespace) -> int:
 
         status = demonstrate(task, o.out, take_options(SearchOptions, o), n=o.n, jobs=o.jobs, arm=o.arm,
                              film=not o.no_video)
-        write_demonstration_page(o.make_page, o.out)
+        write_demonstration_page(o.out)
         return status

@@ -22,7 +22,6 @@ def add_parser(commands: Any) -> None:
                         "they would be refused")
     parser.add_argument("--check", action="store_true", help="only name the rows that are older than the code that "
                         "they exercise; the exit status is 1 if there are any")
-    parser.add_page()
     parser.set_defaults(run=run)
 
 
@@ -34,4 +33,4 @@ def run(options: argparse.Namespace) -> int:
         return check(options.runs)
     if options.out is None:
         raise mpm.InvalidValue("tables: no --out; accepted: a folder, or --check, which writes nothing")
-    return tables(options.runs, options.out, options.mixed, options.make_page("Results of runs"))
+    return tables(options.runs, options.out, options.mixed)

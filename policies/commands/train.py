@@ -43,7 +43,6 @@ def add_parser(commands: Any) -> None:
                         "(default: the method)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
     parser.add_settings("method's file", "options.gamma=0.95")
-    parser.add_page()
     parser.set_defaults(run=run)
 
 
@@ -60,4 +59,4 @@ def run(options: argparse.Namespace) -> int:
         return train(o.method, o.task, o.out, take_options(TrainingOptions, o), episodes=o.episodes, obs=o.obs,
                      settings=o.settings)
     finally:  # also of a run that failed or was interrupted; not of another process that has the folder
-        write_own_page(o.make_page, o.out)
+        write_own_page(o.out)

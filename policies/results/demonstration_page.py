@@ -1,24 +1,20 @@
 """The page of demonstrations: verdict, films, losses, derivatives and scores."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mpm.array_files import read_arrays
 from robosim.base.files import write_text
 from robosim.base.input_files import read_json
+from robosim.reports.page import Page
 
 MOST_FILMS = 4
 """Films that are put into the page; the others stay files."""
 
 
-def write_demonstration_page(make_page: Callable[..., Any], out: Path) -> Path | None:
-    """Write index.html into a folder of demonstrations; None where there are none.
-
-    make_page: returns a page of a title, as `robosim.reports.page.Page`.
-    """
+def write_demonstration_page(out: Path) -> Path | None:
+    """Write index.html into a folder of demonstrations; None where there are none."""
     if not (out / "demonstrations.json").is_file():
         return None
     stored = read_json(out / "demonstrations.json")
@@ -26,7 +22,7 @@ def write_demonstration_page(make_page: Callable[..., Any], out: Path) -> Path |
     scores = [{name: values for name, values in row.items() if isinstance(values, dict) and "tcs" in values}
               for row in rows]
     own = next((name for name in scores[0] if name.startswith("among grains")), next(iter(scores[0])))
-    page = make_page(f"Demonstrations of {stored['task']}, {stored['method']} in {stored['material']}")
+    page = Page(f"Demonstrations of {stored['task']}, {stored['method']} in {stored['material']}")
     succeeded = sum(bool(values[own]["is_success"]) for values in scores)
     page.set_verdict(f"{succeeded} of {len(rows)} succeed {own}, mean score "
                      f"{np.mean([values[own]['tcs'] for values in scores]):.2f}", holds=succeeded == len(rows))

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from policies.results.summary import FIGURES, Summaries
 from robosim.base.output_folder import aligned
+from robosim.reports.page import Page
 
 SCORES = {"tcs_evaluated": "evaluated", "tcs_last10": "last ten", "tcs_of_best_return": "best motion"}
 """Figures of the table of scores, and their columns."""
@@ -49,9 +50,9 @@ def score_table(summaries: Summaries, published: dict) -> TextTable:
                      ["task", "method", "runs", *SCORES.values(), "published"], rows)
 
 
-def fill_page(page: Any, summaries: Summaries, published: dict, sources: list[Path], further_tables: list[TextTable],
+def fill_page(page: Page, summaries: Summaries, published: dict, sources: list[Path], further_tables: list[TextTable],
               notes: dict[str, list[str]]) -> None:
-    """Put all tables, and lists of notes by title, into a page, such as `robosim.reports.page.Page`."""
+    """Put all tables, and lists of notes by title, into a page."""
     problems = sum(map(len, notes.values()))
     runs = sum(max(cell["n"] for cell in cells.values()) for row in summaries.values() for cells in row.values())
     page.set_verdict(f"{runs} finished runs" + (f"; {problems} notes below" if problems else ""), holds=not problems)

@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from policies.results.curves import MAX_ROWS_BYTES, read_rows
 from robosim.base.files import write_text
 from robosim.base.input_files import read_json, read_text
+from robosim.reports.page import Page
 
 AVERAGED = 10
 """Episodes over which a curve is averaged."""
@@ -25,28 +25,25 @@ DETAILS = ("preset", "demonstrations", "command", "commit", "code", "process", "
 Curve = tuple[list[float], list[float]]
 
 
-def write_own_page(make_page: Callable[..., Any], out: Path) -> None:
+def write_own_page(out: Path) -> None:
     """Write the page of this process's run; what prevents it is printed, for the run is worth more than its page."""
     try:
         if read_json(out / "status.json").get("process") == os.getpid():
-            write_run_page(make_page, out)
+            write_run_page(out)
     except FileNotFoundError:
         return  # nothing was begun
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         print(f"{out}: no index.html: {type(error).__name__}: {error}", file=sys.stderr)
 
 
-def write_run_page(make_page: Callable[..., Any], out: Path) -> Path | None:
-    """Write index.html into the folder of a run, finished or not; None where there is no run.
-
-    make_page: returns a page of a title and an origin, as `robosim.reports.page.Page`.
-    """
+def write_run_page(out: Path) -> Path | None:
+    """Write index.html into the folder of a run, finished or not; None where there is no run."""
     if not (out / "manifest.json").is_file() or not (out / "status.json").is_file():
         return None
     manifest, status = read_json(out / "manifest.json"), read_json(out / "status.json")
     episodes, evaluations = (read_rows(out / name) for name in ("episodes.csv", "evaluations.csv"))
     origin = {key: manifest[key] for key in ("command", "commit") if manifest.get(key)}
-    page = make_page(f"{manifest['method']} on {manifest['task']}, seed {manifest['seed']}", origin)
+    page = Page(f"{manifest['method']} on {manifest['task']}, seed {manifest['seed']}", origin)
     verdict, holds = judge(status, len(episodes))
     page.set_verdict(verdict, holds=holds)
     charts = {name: {"episode": column(episodes, key), f"mean of {AVERAGED}": average(*column(episodes, key)),

@@ -15,6 +15,7 @@ from robosim.base.files import write_json, write_rows, write_text
 from robosim.base.input_files import check_form, read_json
 from robosim.base.resources import folder
 from robosim.config.table import read
+from robosim.reports.page import Page
 
 PUBLISHED = "arxiv_2406_09178.yaml"
 
@@ -86,12 +87,11 @@ def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
     return rows, unfinished
 
 
-def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = None) -> int:
+def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
     """Write tables.json, tables.csv and curves.png of runs, and a page as index.html, into a folder; return 0.
 
     sources: folders with runs, or tables.json files. is_mixed: whether means over runs that differ are shown, with a
-    note, and not refused. page: an empty one, such as `robosim.reports.page.Page`; None: no index.html. Raises
-    mpm.InvalidValue as `require_rows`, and for a mean that would be over runs that differ.
+    note, and not refused. Raises mpm.InvalidValue as `require_rows`, and for a mean over runs that differ.
     """
     rows, unfinished = require_rows(sources)
     published = read(folder("configs") / "published" / PUBLISHED)
@@ -108,18 +108,18 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = N
     curves = group_curves(rows)
     if curves:
         write(out / "curves.png", lambda path: draw_curves(path, curves))
-    if page is not None:
-        fill_page(page, summaries, published, sources, further_tables,
-                  {"Not finished": unfinished, "Means over different runs": notes, "Older than the code": stale})
-        if curves:
-            page.add_heading("Learning curves")
-            page.add_picture((out / "curves.png").read_bytes(), "Score over episodes: median of each method's runs, "
-                             "and the band from their worst to their best.")
-        write_text(out / "index.html", page.html())
+    page = Page("Results of runs")
+    fill_page(page, summaries, published, sources, further_tables,
+              {"Not finished": unfinished, "Means over different runs": notes, "Older than the code": stale})
+    if curves:
+        page.add_heading("Learning curves")
+        page.add_picture((out / "curves.png").read_bytes(), "Score over episodes: median of each method's runs, and "
+                         "the band from their worst to their best.")
+    write_text(out / "index.html", page.html())
     print("\n\n".join(table.text for table in [score_table(summaries, published), *further_tables]))
     for title, texts in (("mean over different runs", notes), ("not finished", unfinished),
                          ("older than the code", stale)):
         for text in texts:
             print(f"{title}: {text}")
-    print(out / ("tables.json" if page is None else "index.html"))
+    print(out / "index.html")
     return 0

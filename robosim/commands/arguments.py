@@ -143,17 +143,6 @@ class CommandParser(argparse.ArgumentParser):
         """Add an option that takes a number within the bounds of NUMBERS; more: as of `add_argument`."""
         self.add_argument(option, type=NUMBERS[option], **more)
 
-    def add_page(self) -> None:
-        """Let a command of another package make pages: `options.make_page(title)` is a `robosim.reports.page.Page`."""
-
-        def make_page(title: str, origin: dict[str, str] | None = None) -> Any:
-            """Return an empty page."""
-            from robosim.reports.page import Page
-
-            return Page(title, origin)
-
-        self.set_defaults(make_page=make_page)
-
     def add_threads(self) -> None:
         """Add the option `--threads`: of the field, which the command starts with them."""
         self.add_argument("--threads", dest="field_threads", type=NUMBERS["--threads"], default=1,

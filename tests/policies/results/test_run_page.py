@@ -9,7 +9,6 @@ import pytest
 
 from policies.results.demonstration_page import write_demonstration_page
 from policies.results.run_page import write_run_page
-from robosim.reports.page import Page
 
 
 def write_run(folder: Path, state: str, **status: object) -> None:
@@ -30,7 +29,7 @@ def write_run(folder: Path, state: str, **status: object) -> None:
 def test_the_page_of_a_run_has_its_verdict_curves_and_configuration(tmp_path: Path) -> None:
     best = {"tcs": 41.25, "is_success": 1.0, "episodes": 1, "return": 88.0}
     write_run(tmp_path / "run", "finished", evaluated={"best": best})
-    assert write_run_page(Page, tmp_path / "run") == tmp_path / "run" / "index.html"
+    assert write_run_page(tmp_path / "run") == tmp_path / "run" / "index.html"
     text = (tmp_path / "run" / "index.html").read_text()
     assert '<p class="verdict pass">best policy without exploration: score 41.25' in text
     assert "robosim train sac SpoonPour" in text and "abc1234" in text and "0.987" in text
@@ -41,12 +40,12 @@ def test_the_page_of_a_run_has_its_verdict_curves_and_configuration(tmp_path: Pa
 @pytest.mark.parametrize(("state", "reason"), [("failed", "every action is saturated"), ("interrupted", "Ctrl-C")])
 def test_a_run_that_did_not_finish_says_why(state: str, reason: str, tmp_path: Path) -> None:
     write_run(tmp_path / "run", state, reason=reason)
-    write_run_page(Page, tmp_path / "run")
+    write_run_page(tmp_path / "run")
     assert f'<p class="verdict fail">{state} after 12 episodes: {reason}' in (tmp_path / "run/index.html").read_text()
 
 
 def test_a_folder_without_a_run_gets_no_page(tmp_path: Path) -> None:
-    assert write_run_page(Page, tmp_path) is None and write_demonstration_page(Page, tmp_path) is None
+    assert write_run_page(tmp_path) is None and write_demonstration_page(tmp_path) is None
     assert not list(tmp_path.iterdir())
 
 
@@ -61,7 +60,7 @@ def test_the_page_of_demonstrations_counts_those_that_succeed_among_the_tasks_ow
                      "among grains of salt": scores})
     (tmp_path / "demonstrations.json").write_text(json.dumps({
         "task": "SpoonPour", "material": "glycerol", "method": "descent", "demonstrations": rows}))
-    write_demonstration_page(Page, tmp_path)
+    write_demonstration_page(tmp_path)
     text = (tmp_path / "index.html").read_text()
     assert '<p class="verdict fail">1 of 2 succeed among grains of salt, mean score 39.50' in text
     assert "step of the rollout" in text and text.count("demonstration_1.npz") >= 4

@@ -15,7 +15,6 @@ from policies.results.summary import summarise
 from policies.results.tables import check, collect_rows, tables
 from robosim.base.digests import exercised_code
 from robosim.base.resources import config_names
-from robosim.reports.page import Page
 from robosim.tasks.outcome import build_reward
 from robosim.tasks.task import load_task
 
@@ -38,7 +37,7 @@ def write_run(folder: Path, seed: int, score: float, *, method: str = "dg_sac", 
 
 def make_cells(folder: Path, is_mixed: bool = False) -> dict:
     """Make the tables of a folder; return line -> task -> (runs, mean score)."""
-    assert tables([folder], folder / "tables", is_mixed, Page("Results of runs")) == 0
+    assert tables([folder], folder / "tables", is_mixed) == 0
     stored = json.loads((folder / "tables" / "tables.json").read_text())["tables"]
     return {line: {task: (cell["tcs_of_best_return"]["n"], cell["tcs_of_best_return"]["mean"])
                    for task, cell in row.items()} for line, row in stored.items()}
