@@ -8,10 +8,11 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.torch_layers import FlattenExtractor
 
+from policies.learners.buffers import DemoReplayBuffer
 from policies.learners.critics import CriticEnsemble, EnsembleLayer, EnsembleNorm, EnsemblePolicy
-from policies.learners.soft_actor_critic import EnsembleSAC
+from policies.learners.soft_actor_critic import BestEpisode, EnsembleSAC
 
-OBSERVED, ACTED, BATCH = 7, 3, 16
+OBSERVED, ACTED, BATCH, STEPS = 7, 3, 16, 7
 
 
 class Noise(gymnasium.Env):
@@ -172,3 +173,59 @@ def test_the_actor_waits_its_turn():
         moved.append(any((a - b).abs().max() > 0 for a, b in zip(actor, model.actor.parameters())))
         assert any((a - b).abs().max() > 0 for a, b in zip(critic, model.critic.parameters()))
     assert moved == [False, False, True, False, False, True]
+
+
+def add_episode(buffer: DemoReplayBuffer, number: int, rewards: list[float]) -> None:
+    """Add an episode in each environment; its observations and actions tell number, step and environment."""
+    n = len(rewards)
+    for step in range(STEPS):
+        observations = np.array([[number, step, k] for k in range(n)], np.float32)
+        buffer.add(observations, observations, np.tanh(observations[:, :2] / 10.0), np.array(rewards) / STEPS,
+                   np.full(n, step == STEPS - 1), [{}] * n)
+
+
+def empty_buffer(n_envs: int = 1, size: int = 1000) -> DemoReplayBuffer:
+    """Return an empty buffer."""
+    spaces = (gymnasium.spaces.Box(-bound, bound, (n,), np.float32) for bound, n in ((99, 3), (1, 2)))
+    return DemoReplayBuffer(size, *spaces, "cpu", n_envs=n_envs)
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_the_best_episode_is_the_one_with_the_largest_return(every: int) -> None:
+    """Of all that were added; also where the buffer has begun again, and however seldom it is looked at."""
+    buffer, best, rng = empty_buffer(size=5 * STEPS), BestEpisode(), np.random.default_rng(0)
+    with buffer.demonstrating():
+        add_episode(buffer, 100, [0.4])
+    best.follow(buffer)
+    assert best.best == pytest.approx(0.4) and float(best._observations[0, 0]) == 100.0
+    highest, number = 0.4, 100
+    for k in range(20):
+        reward = float(rng.uniform())
+        add_episode(buffer, k, [reward])
+        if k % every == every - 1 or k == 19:
+            best.follow(buffer)
+        if reward > highest:
+            highest, number = reward, k
+    assert best.best == pytest.approx(highest, rel=1e-5)
+    assert np.array_equal(best._observations.numpy()[:, :2], [[number, step] for step in range(STEPS)])
+
+
+def test_each_environment_has_episodes_of_its_own() -> None:
+    buffer, best = empty_buffer(n_envs=3), BestEpisode()
+    add_episode(buffer, 1, [0.1, 0.9, 0.3])
+    add_episode(buffer, 2, [0.2, 0.1, 0.8])
+    best.follow(buffer)
+    assert best.best == pytest.approx(0.9) and np.all(best._observations.numpy()[:, [0, 2]] == [1, 1])
+
+
+def test_the_distance_is_that_of_the_actions() -> None:
+    buffer, best = empty_buffer(), BestEpisode()
+    assert float(best.distance(None)) == 0.0
+    add_episode(buffer, 3, [1.0])
+    best.follow(buffer)
+
+    def actor(observations: torch.Tensor, deterministic: bool) -> torch.Tensor:
+        assert deterministic
+        return torch.tanh(observations[:, :2] / 10.0) + 0.25
+
+    assert float(best.distance(actor)) == pytest.approx(0.0625, rel=1e-5)
