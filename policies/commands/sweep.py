@@ -31,6 +31,7 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Start the runs."""
     from policies.runs.sweep import sweep
+    from robosim.studies.clusters.slurm import make_launcher
 
-    return sweep(options.file, jobs=options.jobs, launcher=options.make_launcher(options.launch),
-                 dry_run=options.dry_run, settings=options.settings)
+    return sweep(options.file, jobs=options.jobs, launcher=make_launcher(options.launch), dry_run=options.dry_run,
+                 settings=options.settings)

@@ -149,21 +149,11 @@ class CommandParser(argparse.ArgumentParser):
                           help="threads that the field is computed with (default: 1); results are the same to rounding")
 
     def add_launch(self, source: str = "the table `launch` of the file") -> None:
-        """Add `--launch`; `options.make_launcher(options.launch)` runs commands elsewhere, or is None.
-
-        source: of the cluster's numbers, for the help.
-        """
+        """Add `--launch`; source: of the cluster's numbers, for the help."""
         from robosim.studies.clusters import LAUNCHERS
-
-        def make_launcher(name: str) -> Any:
-            """Return what runs commands elsewhere, or None."""
-            from robosim.studies.clusters.slurm import make_launcher as make
-
-            return make(name)
 
         self.add_argument("--launch", choices=LAUNCHERS, default="local", help="where the runs are made: here, or as "
                           f"jobs of SLURM, as {source} says (default: local)")
-        self.set_defaults(make_launcher=make_launcher)
 
     def add_launcher(self) -> None:
         """Add `--launch` and `--launch-file` for a study; `options.find_launcher(options)` runs jobs, or is None."""
