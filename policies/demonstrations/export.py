@@ -5,7 +5,7 @@ import os
 import re
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,22 +13,11 @@ from gymnasium.envs.registration import EnvSpec
 
 import mpm
 from mpm.files import write
-from policies.demonstrations.reading import read_demonstrations
+from policies.demonstrations.reading import PlayedDemonstration, read_demonstrations
 from policies.learning.environments import environment_id, make_environment
 from robosim.base.files import write_json
 from robosim.base.progress import Progress
-from robosim.episode.play import Transition, run_episode
-
-
-class PlayedDemonstration(NamedTuple):
-    """A demonstration and its transitions."""
-
-    name: str
-    """Of its file."""
-    seed: int
-    transitions: list[Transition]
-    pictures: np.ndarray | None = None
-    """Before each action (decisions, height, width, 3), RGB; None where none were drawn."""
+from robosim.episode.play import run_episode
 
 
 def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repeat: int = 10) -> int:

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq  # pyright: ignore[reportMissingImports]
 
 import mpm
 from mpm.files import temporary_path
-from policies.demonstrations.export import PlayedDemonstration
+from policies.demonstrations.reading import PlayedDemonstration
 from robosim.rendering.video import Mp4Writer
 
 VERSION = "v3.0"

@@ -8,6 +8,7 @@ import numpy as np
 import mpm
 from mpm.array_files import read_arrays
 from policies.learning.presets import SEARCH, Preset
+from robosim.episode.play import Transition
 
 MAX_REPEAT = 10_000
 """Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
@@ -24,6 +25,17 @@ class Demonstration(NamedTuple):
     """(decisions, dimensions)"""
     seed: int
     options: dict[str, bool]
+
+
+class PlayedDemonstration(NamedTuple):
+    """A demonstration and its transitions."""
+
+    name: str
+    """Of its file."""
+    seed: int
+    transitions: list[Transition]
+    pictures: np.ndarray | None = None
+    """Before each action (decisions, height, width, 3), RGB; None where none were drawn."""
 
 
 def read_demonstrations(folder: Path, decisions: int, action_repeat: int, dimensions: int,

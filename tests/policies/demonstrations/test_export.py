@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import mpm
-from policies.demonstrations.export import PlayedDemonstration, dataset_files, export, write_dataset
+from policies.demonstrations.export import dataset_files, export, write_dataset
+from policies.demonstrations.reading import PlayedDemonstration
 from robosim.base.errors import ConfigError
 
 h5py = pytest.importorskip("h5py")
