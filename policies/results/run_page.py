@@ -15,11 +15,8 @@ from robosim.reports.page import Page
 
 AVERAGED = 10
 """Episodes over which a curve is averaged."""
-CHARTS = {"score": "tcs", "return": "return"}
-"""Chart -> column of both files."""
 NAMES = {"tcs": "score", "is_success": "success"}
 """Column -> its name in the page."""
-SHARES = ("delivered", "spilled", "retained")
 DETAILS = ("preset", "demonstrations", "command", "commit", "code", "process", "label")
 """Entries of the manifest that are folded away, or are in the page's header."""
 Curve = tuple[list[float], list[float]]
@@ -46,16 +43,15 @@ def write_run_page(out: Path) -> Path | None:
     page = Page(f"{manifest['method']} on {manifest['task']}, seed {manifest['seed']}", origin)
     verdict, holds = judge(status, len(episodes))
     page.set_verdict(verdict, holds=holds)
-    charts = {name: {"episode": column(episodes, key), f"mean of {AVERAGED}": average(*column(episodes, key)),
-                     "without exploration": column(evaluations, key)}
-              for name, key in CHARTS.items() if column(episodes, key)[0]}
-    shares = {key: average(*column(episodes, key)) for key in SHARES if column(episodes, key)[0]}
-    if shares:
-        charts[f"share of the grains, mean of {AVERAGED}"] = shares
-    times = {name: column(episodes, key) for name, key in (("simulation", "simulating"), ("updates", "updating"))
-             if column(episodes, key)[0]}
-    if times:
-        charts["time of an episode [s]"] = times
+    figures = {name: {"episode": column(episodes, key), f"mean of {AVERAGED}": average(*column(episodes, key)),
+                      "without exploration": column(evaluations, key)}
+               for name, key in (("score", "tcs"), ("return", "return"))}
+    figures[f"share of the grains, mean of {AVERAGED}"] = {
+        key: average(*column(episodes, key)) for key in ("delivered", "spilled", "retained")}
+    figures["time of an episode [s]"] = {"simulation": column(episodes, "simulating"),
+                                         "updates": column(episodes, "updating")}
+    charts = {title: shown for title, curves in figures.items()
+              if (shown := {name: curve for name, curve in curves.items() if curve[0]})}
     if charts:
         page.add_heading("Learning curves")
         page.add_curves(charts, "episode", "A click in the legend hides a curve.")

@@ -9,7 +9,7 @@ import numpy as np
 
 import mpm
 from robosim.base.files import write_rows
-from robosim.episode.play import read_scores, run_episode
+from robosim.episode.play import play, read_scores
 
 HELD_OUT, RANDOM_STARTS = 2_000_000, 5
 """Seed of the first start and number of starts, where the run's own are random. Training draws its seeds from all
@@ -66,11 +66,9 @@ class Evaluations:
 
     def _play(self, policy: Any, seed: int) -> dict[str, float]:
         """Play an episode; return its figures."""
-        total, info, actions = 0.0, {}, []
-        for step in run_episode(self.env, lambda observation: policy.predict(observation, deterministic=True)[0],
-                                seed=seed, options=self._options):
-            total, info = total + step.reward, step.info
-            actions.append(np.asarray(step.action))
+        actions: list[np.ndarray] = []
+        total, info = play(self.env, lambda observation: policy.predict(observation, deterministic=True)[0],
+                           hooks=[lambda step: actions.append(step.action)], seed=seed, options=self._options)
         is_stuck = bool(np.all(np.abs(actions) > SATURATED) and np.ptp(actions, axis=0).max() < 1e-6)
         return {"return": total, **{key: float(value) for key, value in read_scores(info).items()},
                 "saturated": float(is_stuck)}
