@@ -114,10 +114,10 @@ def module_file(module: str) -> Path | None:
 @cache
 def read_module(path: Path) -> Module:
     """Return digest and imports of a file, from the memo where it has a file of the same bytes."""
-    data, memo = path.read_bytes(), _memo()
+    data, (memo, _) = path.read_bytes(), _memo()
     key = f"{sys.version_info[0]}.{sys.version_info[1]} {hashlib.sha256(data).hexdigest()[:32]}"  # trees differ
     if key not in memo:
-        memo[key], memo.has_grown = parse_module(data.decode())._asdict(), True
+        memo[key] = parse_module(data.decode())._asdict()
     return Module(**memo[key])
 
 
@@ -141,29 +141,22 @@ def _is_text(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
-class _Memo(dict[str, dict[str, Any]]):
-    """What was parsed, by version of Python and digest of a file's bytes."""
-
-    has_grown = False
-    """Whether it holds more than its file."""
-
-
 @cache
-def _memo() -> _Memo:
-    """Return what earlier processes parsed."""
+def _memo() -> tuple[dict[str, dict[str, Any]], set[str]]:
+    """Return what was parsed, by version of Python and digest of a file's bytes, and which of it its file has."""
     try:
         memo = read_json(cache_folder("code") / MEMO)
         check_form(memo, {str: {"digest": str, "imports": [str]}})
-        return _Memo(memo)
     except (OSError, ValueError):
-        return _Memo()
+        memo = {}
+    return memo, set(memo)
 
 
 def _store_memo() -> None:
     """Write the memo where it has grown; without it, the next process parses again."""
-    memo = _memo()
-    if memo.has_grown:
-        memo.has_grown = False
+    memo, stored = _memo()
+    if len(memo) > len(stored):
+        stored |= memo.keys()
         with contextlib.suppress(OSError):
             path = cache_folder("code") / MEMO
             path.parent.mkdir(parents=True, exist_ok=True)
