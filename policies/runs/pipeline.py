@@ -21,7 +21,7 @@ from policies.learning.options import to_words
 from policies.learning.presets import load_preset
 from policies.runs.pipeline_table import collect_rows, format_rows
 from robosim.base.files import write_json
-from robosim.base.input_files import read_json
+from robosim.base.input_files import differing_entries, read_json
 from robosim.base.jobs import read_last_line, start_command
 from robosim.base.output_folder import OutputFolder, is_locked
 from robosim.base.progress import Progress
@@ -42,8 +42,6 @@ DEPENDENTS = {"demonstrations": ("training of {task}", SEQUENCE, ARM, PERTURBED)
 """Kind of stage -> the stages that use its result."""
 POLL = 0.5
 """Time [s] between two looks at a folder's lock."""
-SHARED_OPTIONS = ("seed", "n", "iterations", "episodes", "material")
-"""Options that all calls in one folder must share."""
 
 
 def learned_rehearsals() -> dict[str, list[str]]:
@@ -75,7 +73,8 @@ class Pipeline:
         self.out.mkdir(parents=True, exist_ok=True)
         self._file, self._lock = self.out / "pipeline.json", threading.Lock()
         self._processes: set[subprocess.Popen] = set()
-        self._shared_options = {name: getattr(options, name) for name in SHARED_OPTIONS}
+        self._shared_options = {  # which all calls in one folder must have
+            name: getattr(options, name) for name in ("seed", "n", "iterations", "episodes", "material")}
         if options.settings:
             self._shared_options["set"] = [setting.text for setting in options.settings]
         self._is_stopped = False
@@ -87,9 +86,8 @@ class Pipeline:
         try:
             stored = read_json(self._file)
             stages = {name: stage for name, stage in stored["stages"].items() if stage["state"] == "finished"}
-            earlier, now = stored["options"], self._shared_options
-            differences = [f"--{name} {earlier.get(name)}, now {now.get(name)}" for name in {**earlier, **now}
-                           if earlier.get(name) != now.get(name)]
+            differences = [f"--{name} {before}, now {now}" for name, (before, now) in
+                           differing_entries(stored["options"], self._shared_options).items()]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return {}
         if differences:
@@ -100,21 +98,21 @@ class Pipeline:
     def run(self) -> int:
         """Run all stages; return 0, or 1 where one failed."""
         with OutputFolder(self.out):
-            return self._run_stages()
-
-    def _run_stages(self) -> int:
-        stages = 2 * len(self.tasks) + (2 if self.options.perturb is None else 3)
-        self._progress = Progress(total=stages, desc="pipeline", unit="commands")
-        pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
-        try:
-            is_learned = list(pool.map(self._learn, self.tasks))
-            is_complete = all(is_learned) and pool.submit(self._execute).result()
-        finally:
-            self._stop()
-            pool.shutdown()
-            self._progress.close()
-        rows = collect_rows(self.out, self.tasks, {task: self._training_folder(task) for task in self.tasks})
-        self._store(rows=rows)
+            stages = 2 * len(self.tasks) + (2 if self.options.perturb is None else 3)
+            self._progress = Progress(total=stages, desc="pipeline", unit="commands")
+            pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
+            try:
+                is_learned = list(pool.map(self._learn, self.tasks))
+                is_complete = all(is_learned) and pool.submit(self._execute).result()
+            finally:
+                with self._lock:  # nothing more is started, and what runs is interrupted
+                    self._is_stopped = True
+                    for process in self._processes:
+                        process.terminate()
+                pool.shutdown()
+                self._progress.close()
+            rows = collect_rows(self.out, self.tasks, {task: self._training_folder(task) for task in self.tasks})
+            self._store(rows=rows)
         print(format_rows(rows))
         for name, stage in self.stages.items():
             if stage["state"] != "finished":
@@ -122,13 +120,6 @@ class Pipeline:
                       file=sys.stderr)
         print(self._file)
         return 0 if is_complete else 1
-
-    def _stop(self) -> None:
-        """Start nothing more, and interrupt what runs."""
-        with self._lock:
-            self._is_stopped = True
-            for process in self._processes:
-                process.terminate()
 
     def _learn(self, task: str) -> bool:
         """Make a sub-task's demonstrations and train on them; return whether there is a learned motion."""
