@@ -44,10 +44,10 @@ def read_text(path: Path, most: int = MAX_TEXT) -> str:
         raise InvalidValue(f"{path}: byte {error.start} is not UTF-8; accepted: text in UTF-8") from None
 
 
-def read_json(path: Path, most: int = MAX_JSON) -> Any:
+def read_json(path: Path) -> Any:
     """Read a JSON file. Raises InvalidValue for what is not JSON, OSError where it cannot be read."""
     try:
-        return json.loads(read_text(path, most), parse_constant=_refuse_constant, parse_float=_finite,
+        return json.loads(read_text(path, MAX_JSON), parse_constant=_refuse_constant, parse_float=_finite,
                           object_pairs_hook=_unique)
     except RecursionError:
         raise InvalidValue(f"{path}: not JSON that can be read: lists or tables nested too deeply") from None

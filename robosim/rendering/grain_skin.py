@@ -38,12 +38,12 @@ def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLi
                   vertid=[list(range(vertices))], vertweight=[[1.0] * vertices])
 
 
-def make_crystals(count: int, radius: float, seed: int = 0) -> Array:
+def make_crystals(count: int, radius: float) -> Array:
     """Make the facets (count, 24, 3) [m] of octahedra about the origin, of a mean radius [m].
 
     Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are uniform.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     stretch = rng.uniform(0.75, 1.25, (count, 1, 3))
     corners = CORNERS * stretch + rng.uniform(-0.15, 0.15, (count, 6, 3))
     rotated = np.einsum("nij,nkj->nki", draw_rotations(rng, count), radius * corners)

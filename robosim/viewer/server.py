@@ -29,11 +29,7 @@ def stop_server(server: viser.ViserServer) -> None:
         server.stop()
 
 
-MOST_FRAMES = 600
-"""Frames of the page: of a longer recording every second, third and so on."""
-
-
-def embed_html(recording: Recording, most_frames: int = MOST_FRAMES) -> str:
+def embed_html(recording: Recording) -> str:
     """Return an HTML document that plays a recording in 3-D: orbit with the mouse, scrub at the bottom."""
     server = start_server()
     try:
@@ -42,12 +38,12 @@ def embed_html(recording: Recording, most_frames: int = MOST_FRAMES) -> str:
         view = SceneView(server, recording, history)
         aim_first_camera(server, recording.header.cameras, "close")
         view.overlays.set_visible("path", True)
-        stride = max(1, -(-len(recording) // most_frames))
+        every = max(1, -(-len(recording) // 600))  # so that the page has 600 frames at most
         view.show(0)
         serializer = server.get_scene_serializer()
-        for k in range(0, len(recording), stride):
+        for k in range(0, len(recording), every):
             view.show(k)
-            serializer.insert_sleep(stride / recording.header.frame_rate)
+            serializer.insert_sleep(every / recording.header.frame_rate)
         return serializer.as_html()
     finally:
         stop_server(server)
