@@ -33,17 +33,14 @@ CAMERAS = {"task": "task"}
 """Kind of a recording -> camera of its film, where another one than `CLOSE` is usual."""
 CLOSE = "close"
 SHEET, POSTER = "frames.png", "poster.png"
-SHADOWS = 1024
-"""Side [texels] of the shadow map: on a software renderer 2048 take a seventh of the time for nothing that one sees."""
-POSTER_SHADOWS, POSTER_SAMPLES = 4096, 8
-"""The same of the still, and its samples a pixel."""
+SHADOWS, POSTER_SHADOWS, POSTER_SAMPLES = 1024, 4096, 8
+"""Side [texels] of the shadow map of films (on a software renderer 2048 take a seventh of the time for nothing that one
+sees) and of the still, and the still's samples a pixel."""
 ASLEEP = (0.25, 0.38, 0.62, 1.0)
 """Colour of grains that sleep: RGBA."""
-DISTANCE, AZIMUTH_DEG, ELEVATION_DEG = 0.62, 205.0, -28.0
-"""Of the camera that follows the hand, from what it looks at [m], and its direction [deg]: from the
-other side of the table."""
-CAMERA_LAG = 0.5
-"""Time [s] in which the camera follows: a jerk of the hand does not shake the picture."""
+DISTANCE, AZIMUTH_DEG, ELEVATION_DEG, CAMERA_LAG = 0.62, 205.0, -28.0, 0.5
+"""Of the camera that follows the hand: its distance from what it looks at [m], its direction [deg], from the other side
+of the table, and the time [s] in which it follows: a jerk of the hand does not shake the picture."""
 
 
 class FilmFailed(RobosimError, RuntimeError):

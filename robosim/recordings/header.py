@@ -12,8 +12,6 @@ from robosim.config.bounds import MAX_ENTRIES, Coordinate, Intensity, Name, Text
 from robosim.config.table import Table, Vector3
 
 VERSION = 1
-MOST_BODIES = 10_000
-MOST_CURVES = 1000
 Quaternion = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 LARGEST_HALF = 100.0
 """Half size [m] in place of an infinite one."""
@@ -99,12 +97,12 @@ class RecordingHeader(Table):
     lower: Vector3
     """Corners of the box in which positions of grains are resolved [m]."""
     upper: Vector3
-    bodies: Annotated[list[BodyEntry], Field(max_length=MOST_BODIES)]
+    bodies: Annotated[list[BodyEntry], Field(max_length=10_000)]
     tool: Name = ""
     """Body whose path is drawn and at which grains act; empty: none."""
     hand: Name = ""
     """Body that holds it, for the camera that follows both; empty: none."""
-    curves: Annotated[list[CurveEntry], Field(max_length=MOST_CURVES)] = []  # noqa: RUF012
+    curves: Annotated[list[CurveEntry], Field(max_length=1000)] = []  # noqa: RUF012
     regions: Annotated[list[RegionEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012
     waypoints: Annotated[list[WaypointEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012
     cameras: Annotated[list[CameraEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012

@@ -18,10 +18,8 @@ from robosim.recordings.writer import APPEARANCE, BLOCK, GRAINS, HEADER, MAGIC, 
 
 FILE = "recording.rec"
 """Name of a recording in the folder of a run."""
-MOST_BLOCK = 1 << 30
-"""Bytes of one block, unpacked."""
-KEPT_GROUPS = 4
-"""Groups of frames, from one with whole positions to the next, that are kept unpacked."""
+MOST_BLOCK, KEPT_GROUPS = 1 << 30, 4
+"""Bytes of one block, unpacked; groups of frames, from one with whole positions to the next, that are kept unpacked."""
 WAYPOINT_LIST = pydantic.TypeAdapter(list[WaypointEntry])
 T = TypeVar("T")
 Block = tuple[int, int]

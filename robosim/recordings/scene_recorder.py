@@ -20,8 +20,6 @@ FRAME_RATE = 20.0
 """Frames per second of simulated time, unless one asks for others."""
 PRESSURE_INTERVAL = 4
 """Frames for which the pressure of grains that was read once stands: reading it takes longer than all the rest."""
-VIEW_DISTANCE = 0.6
-"""Distance [m] from a camera without a target body to the point that a view turns about."""
 NO_GRAINS = GrainState(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool))
 
 
@@ -102,7 +100,7 @@ def _cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[CameraEntry]:
             continue
         position, aimed = data.cam_xpos[camera], int(model.cam_targetbodyid[camera])
         target = data.xpos[aimed] if aimed >= 0 else \
-            position - VIEW_DISTANCE * data.cam_xmat[camera].reshape(3, 3)[:, 2]
+            position - 0.6 * data.cam_xmat[camera].reshape(3, 3)[:, 2]  # [m], to the point that a view turns about
         entries.append(CameraEntry(name=model.camera(camera).name or f"camera {camera}", position=floats(position),
                                    target=floats(target), fov_deg=float(np.clip(model.cam_fovy[camera], 2.0, 160.0))))
     return entries

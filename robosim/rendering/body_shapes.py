@@ -14,10 +14,8 @@ SHARP_DEG = 35.0
 """Edges with a larger angle between their faces are drawn sharp [deg]."""
 LEAST_FACES, LEFT_OUT = 600, 0.5
 """Meshes with more faces are drawn without this share: a browser without a GPU draws twice as fast."""
-FLOOR_SIZE = 6.0
-"""Edge of the square that is drawn for an infinite plane [m]."""
-FAR_FLOOR = 200.0
-"""The same where distances are measured."""
+FLOOR_SIZE, FAR_FLOOR = 6.0, 200.0
+"""Edge of the square that is drawn for an infinite plane [m], and where distances are measured."""
 DEFAULT_COLOUR = (0.5, 0.5, 0.5, 1.0)
 """Of a geom without colour; then its material's holds."""
 

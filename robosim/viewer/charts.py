@@ -11,10 +11,9 @@ from robosim.recordings.reader import Recording
 
 WIDTH, HEIGHT = 380, 130
 """Of the panel beside the scene, and of a chart in it [pixels]."""
-FAR = 100.0
-"""Heights of a chart by which a curve without a value lies below it."""
-MARGIN = 0.05
-"""Above and below the curves, as a share of their range."""
+FAR, MARGIN = 100.0, 0.05
+"""Heights of a chart by which a curve without a value lies below it; margin above and below, as a share of the range.
+"""
 COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f")
 
 

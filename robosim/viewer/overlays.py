@@ -19,7 +19,6 @@ LONGEST, LEAST_SCALE = 0.2, 0.05
 OVERLAYS: tuple[str, ...] = ("path", "force", "regions", "inside of the tool", "waypoints")
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 EDGES = [(0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7), (6, 7)]
-ROUND_POINTS = 24
 
 
 class Overlays:
@@ -90,6 +89,6 @@ def outline(region: RegionEntry) -> np.ndarray:
     half = np.minimum(region.half, 2.0)
     if not region.round:
         return np.array([[CORNERS[a] * half, CORNERS[b] * half] for a, b in EDGES], np.float32)
-    angles = np.linspace(0.0, 2.0 * np.pi, ROUND_POINTS + 1)
+    angles = np.linspace(0.0, 2.0 * np.pi, 25)
     rings = [np.stack([np.cos(angles), np.sin(angles), np.full_like(angles, z)], 1) * half for z in (-1.0, 1.0)]
     return np.concatenate([*map(join, rings), np.stack(rings, 1)[::6].astype(np.float32)])

@@ -14,14 +14,9 @@ from robosim.viewer.overlays import OVERLAYS
 from robosim.viewer.scene_view import SceneView, aim_first_camera
 
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
-PERIOD = 0.02
-"""Time [s] between two looks at the clock."""
-REFRESH = 0.5
-"""Time [s] between two looks at the file of a run that goes on."""
-LOOK = 0.1
-"""Time [s] between two looks at the page's camera while nothing plays."""
-CURSOR_PERIOD = 0.4
-"""Time [s] between two movements of slider and cursor while it plays: the browser lays out both anew each time."""
+PERIOD, REFRESH, CAMERA_PERIOD, CURSOR_PERIOD = 0.02, 0.5, 0.1, 0.4
+"""Times [s] after which the clock is read again, the file of a run that goes on, and the page's camera while nothing
+plays; and after which slider and cursor are moved while it plays: the browser lays out both anew each time."""
 
 
 class Playback:
@@ -84,7 +79,7 @@ class Playback:
             if self._is_following and len(self.history.times):
                 self.seek(self.history.times[-1])
         times = self.history.times
-        if not self._play.value and clock.monotonic() - self._looked > LOOK:
+        if not self._play.value and clock.monotonic() - self._looked > CAMERA_PERIOD:
             self._looked = clock.monotonic()
             self.view.follow_camera()
         if self._play.value and len(times):
