@@ -21,7 +21,8 @@ from policies.demonstrations.request import load_stored
 from policies.dynamics.rollouts import describe_environment, read_rollouts
 from policies.learning.presets import load_preset
 from policies.results.further_tables import make_further_tables
-from policies.results.tables import PUBLISHED, ROW, collect_rows, fill_page, read_table, summarise_runs
+from policies.results.rows import ROW as ROW_FORM
+from policies.results.tables import PUBLISHED, collect_rows, fill_page, read_table, summarise_runs
 from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
 from policies.runs.pipeline_table import format_rows
 from policies.runs.run_folder import RunFolder
@@ -175,7 +176,7 @@ def draw_points(path: Path, *, as_html: bool = False) -> None:
 
 PRESET = load_preset("sac").model_dump()
 ROW: dict[str, Any] = {
-    **dict.fromkeys(ROW, 1.5), "task": "SpoonPour", "method": "dg_sac", "material": "salt", "seed": 0,
+    **dict.fromkeys(ROW_FORM, 1.5), "task": "SpoonPour", "method": "dg_sac", "material": "salt", "seed": 0,
     "starts": "nominal", "action_repeat": 10, "obs": "flat", "max_episodes": 5, "commit": "c", "episodes": 5,
     "preset": "p", "demonstrations": None, "n_envs": 1, "task_digest": "t", "field": "f", "code": {"mpm.solver": "d"},
     "command": "robosim train", "curve": [1.0, 2.0]}
