@@ -6,8 +6,8 @@ from typing import Any
 
 import mpm
 from policies.commands.arguments import add_material
-from policies.learning.names import check_material, check_method
-from robosim.base.resources import config_names
+from policies.learning.names import check_material
+from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
 
 EXAMPLE = """examples:
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then run the pipeline."""
     if options.rehearsal not in config_names("rehearsals"):
         raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(config_names('rehearsals'))}")
-    check_method(options.method)
+    config_path("training", options.method, "method")
     check_material(options.material)
     options.settings.check("rehearsals", options.rehearsal)
     if options.find_launcher(options) is not None and options.perturb is None:  # before anything is trained

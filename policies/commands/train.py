@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from policies.commands.arguments import add_action_repeat, add_material, add_task, take_options
-from policies.learning.names import check_material, check_method, check_trainable
+from policies.learning.names import check_material, check_trainable
 from policies.learning.options import TrainingOptions
-from robosim.base.resources import config_names
+from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
 
 EXAMPLE = """examples:
@@ -48,7 +48,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check the names, then train."""
-    check_method(options.method)
+    config_path("training", options.method, "method")
     check_trainable(options.task)
     check_material(options.material)
     from policies.methods.train import train

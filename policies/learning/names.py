@@ -1,14 +1,10 @@
 """Names that commands are given, checked before anything heavy is loaded, and the extra `learn`."""
 
 from importlib.util import find_spec
-from pathlib import Path
 
 import mpm
 from robosim.base.errors import UnknownName
 from robosim.base.resources import config_path
-
-NEEDED = ("torch", "stable_baselines3", "sb3_contrib", "tensorboard", "cma")
-"""Modules of the extra `learn`."""
 
 
 def is_task_file(task: str) -> bool:
@@ -47,13 +43,9 @@ def check_material(name: str | None) -> None:
         config_path("materials", name, "material")
 
 
-def check_method(name: str) -> Path:
-    """Return the file of a method; raises robosim.ConfigError unless it is bundled or an existing .yaml file."""
-    return config_path("training", name, "method")
-
-
 def check_installed() -> None:
     """Raise mpm.InvalidValue where a module of the extra `learn` is missing."""
-    missing = [name for name in NEEDED if find_spec(name) is None]
+    needed = ("torch", "stable_baselines3", "sb3_contrib", "tensorboard", "cma")
+    missing = [name for name in needed if find_spec(name) is None]
     if missing:
         raise mpm.InvalidValue(f"learning needs {', '.join(missing)}: pip install '.[learn]' in the checkout")

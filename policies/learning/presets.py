@@ -7,7 +7,7 @@ import pydantic
 from pydantic import Field
 
 from mpm.files import quote
-from policies.learning.names import check_method
+from robosim.base.resources import config_path
 from robosim.config.bounds import Text
 from robosim.config.settings import Setting
 from robosim.config.table import Table, load
@@ -218,4 +218,4 @@ class Preset(Table):
 
 def load_preset(name: str, settings: Sequence[Setting] = ()) -> Preset:
     """Load a method by name, or from a .yaml file; raises robosim.ConfigError where either is wrong."""
-    return load(check_method(name), Preset, settings=settings)
+    return load(config_path("training", name, "method"), Preset, settings=settings)
