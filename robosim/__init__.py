@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     )
     from robosim.config.rehearsal import RehearsalConfig
     from robosim.coupling.plugin import GranularPlugin
-    from robosim.rehearsal.rehearsal import Rehearsal
     from robosim.rehearsal.result import Result
+    from robosim.rehearsal.session import Rehearsal
     from robosim.rendering.video import Mp4Writer
     from robosim.scene.composing import Container
     from robosim.scene.grain_renderer import GrainRenderer

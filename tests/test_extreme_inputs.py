@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from policies.learning.presets import Preset, load_preset
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 from robosim.base.resources import folder
-from robosim.commands.keys import KINDS, schema_class
+from robosim.commands.keys import KINDS, import_name
 from robosim.config.arm import ArmConfig
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
@@ -31,7 +31,7 @@ from robosim.tasks.task import TaskConfig, is_task, load_task
 CONFIGS, ARM = folder("configs"), folder("models") / "robots" / "iiwa14" / "arm.yaml"
 SWEEP = {"tasks": ["SpoonPour"], "methods": ["dg_sac", "sac"], "seeds": [0, 1], "demos": "out/{task}", "rollouts": None,
          "episodes": 5, "options": ["--obs", "moments"], "out": "out/runs"}
-SCHEMAS: dict[str, Any] = {**{name: schema_class(place) for name, place in KINDS.items()}, "training": Preset,
+SCHEMAS: dict[str, Any] = {**{name: import_name(place) for name, place in KINDS.items()}, "training": Preset,
                            "sweep": SweepFile}
 FEW_AND_MANY = [12, pytest.param(1000, marks=pytest.mark.slow)]
 """Examples of a fuzz test."""

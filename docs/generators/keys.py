@@ -3,7 +3,7 @@
 from generators.markdown import code, table
 from policies.learning.presets import Preset
 from robosim.commands.description import keys_of
-from robosim.commands.keys import KINDS, schema_class
+from robosim.commands.keys import KINDS, import_name
 
 FOLDERS = {"rehearsal": "configs/rehearsals", "task": "configs/tasks",
            "dosing": "configs/dosing", "training": "configs/training", "arm": "models/robots",
@@ -33,6 +33,6 @@ def training_schema() -> dict:
 
 def page() -> str:
     """All kinds of configuration files."""
-    kinds = {**{name: schema_class(place).model_json_schema() for name, place in KINDS.items()},
+    kinds = {**{name: import_name(place).model_json_schema() for name, place in KINDS.items()},
              "training": training_schema()}
     return "\n".join(section(name, schema) for name, schema in kinds.items())

@@ -54,15 +54,28 @@ def part_names(kind: str) -> list[str]:
 
 
 def config_path(kind: str, name: str, what: str) -> Path:
-    """Path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml."""
+    """Return the path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml.
+
+    Raises ConfigError, UnknownName.
+    """
+    return own_file(name, what, config_names(kind)) or folder("configs") / kind / f"{name}.yaml"
+
+
+def part_path(kind: str, name: str, what: str, *others: str) -> Path:
+    """Return the .yaml file of models/<kind>/<name>, or of a user's own; others: names that are no files."""
+    return own_file(name, what, [*part_names(kind), *others]) or next((folder("models") / kind / name).glob("*.yaml"))
+
+
+def own_file(name: str, what: str, accepted: list[str]) -> Path | None:
+    """Return the path of a user's own file when `name` ends in .yaml, else None; raises ConfigError, UnknownName."""
     if name.endswith((".yaml", ".yml")):
         if Path(name).is_file():
             return Path(name)
         raise ConfigError(f"{what} {name}: no such file; accepted: a .yaml file of your own, or one of "
-                          f"{', '.join(config_names(kind))}")
-    if name not in config_names(kind):
-        raise UnknownName(what, name, config_names(kind), "or the path of a .yaml file of your own")
-    return folder("configs") / kind / f"{name}.yaml"
+                          f"{', '.join(accepted)}")
+    if name not in accepted:
+        raise UnknownName(what, name, accepted, "or the path of a .yaml file of your own")
+    return None
 
 
 def locate_paths(value: Any, place: Path) -> Any:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from robosim.base.errors import ConfigError
+from robosim.base.resources import config_names, config_path, locate_paths
 from robosim.config.settings import Setting, read_setting, with_settings
 
 
@@ -83,16 +84,15 @@ class Settings(tuple[Setting, ...]):
         """Give the path of a copy of a configuration with the settings in it, or the name itself without settings.
 
         kind: "tasks" or "rehearsals". The copy stays in the folder, as NAME.yaml; with None it is temporary. Raises
-        ConfigError for a setting that does not fit.
+        ConfigError for a setting that does not fit, and UnknownName.
         """
+        source = config_path(kind, name, kind[:-1])
         if not self:
             yield name
             return
         from robosim.base.output_folder import OutputFolder
-        from robosim.base.resources import config_path, locate_paths
         from robosim.config.table import read
 
-        source = config_path(kind, name, kind[:-1])
         self.check(kind, name)
         with tempfile.TemporaryDirectory() as temporary:
             out = OutputFolder(folder or Path(temporary))
@@ -105,10 +105,7 @@ class Settings(tuple[Setting, ...]):
             yield str(copy)
 
     def check(self, kind: str, name: str) -> None:
-        """Raise ConfigError unless a configuration is valid with the settings.
-
-        kind: "tasks" or "rehearsals".
-        """
+        """Raise ConfigError unless a configuration is valid with the settings. kind: "tasks" or "rehearsals"."""
         if kind == "tasks":
             from robosim.tasks.task import load_task
 
@@ -142,6 +139,20 @@ class CommandParser(argparse.ArgumentParser):
     def add_number(self, option: str, **more: Any) -> None:
         """Add an option that takes a number within the bounds of NUMBERS; more: as of `add_argument`."""
         self.add_argument(option, type=NUMBERS[option], **more)
+
+    def add_argument(self, *names: Any, **more: Any) -> argparse.Action:
+        """Add an argument as argparse does; its help ends in its default, if it says none."""
+        if more.get("default") not in (None, argparse.SUPPRESS, ()) and "(default" not in more.get("help", "(default"):
+            more["help"] += " (default: %(default)s)"
+        return super().add_argument(*names, **more)
+
+    def add_material(self, default: str = "the task's") -> None:
+        """Add the option `--material`, whose value `robosim` checks; default: in words."""
+        self.add_argument("--material", help=f"material: {one_of(config_names('materials'))} (default: {default})")
+
+    def add_out(self, files: str, is_required: bool = True) -> None:
+        """Add the option `--out`: a folder for some files."""
+        self.add_argument("--out", type=Path, required=is_required, help=f"folder for {files}")
 
     def add_threads(self) -> None:
         """Add the option `--threads`: of the field, which the command starts with them."""
@@ -182,3 +193,11 @@ class CommandParser(argparse.ArgumentParser):
 def one_of(names: Iterable[str], also: str = "or the path of a .yaml file") -> str:
     """The help of an argument that takes a name."""
     return f"one of {', '.join(names)}; {also}" if also else f"one of {', '.join(names)}"
+
+
+def refuse(options: argparse.Namespace, why: str, **defaults: Any) -> None:
+    """Raise ConfigError where one of these options has another value than its default; why: and what is accepted."""
+    for name, default in defaults.items():
+        if (value := getattr(options, name)) != default:
+            given = "" if value is True else f"{value} "
+            raise ConfigError(f"--{name.removeprefix('field_').replace('_', '-')} {given}{why}")

@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     """Print the keys, or the schema."""
     if options.kind not in KINDS:
         raise UnknownName("kind", options.kind, KINDS)
-    schema = schema_class(KINDS[options.kind]).model_json_schema()
+    schema = import_name(KINDS[options.kind]).model_json_schema()
     if options.schema:
         print(json.dumps(schema, indent=2))
         return 0
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def schema_class(place: str) -> Any:
-    """Import the class at "module:class"."""
+def import_name(place: str) -> Any:
+    """Import what is at "module:name"."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

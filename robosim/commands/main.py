@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import entry_points, version
-from typing import Any
 
 import mpm
 from robosim.base.errors import RobosimError, RobotDiverged
 from robosim.base.files import describe_end
+from robosim.base.resources import config_path
 from robosim.commands.arguments import CommandParser
 
 COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "runs.view",
@@ -37,7 +37,8 @@ def parser() -> argparse.ArgumentParser:
     """The commands and their options."""
     top = CommandParser(prog="robosim", usage="robosim COMMAND ... [--help] [--version]", epilog=EXAMPLE,
                         description="Simulate robot arms that handle granular material; train and evaluate policies.")
-    top.add_argument("--version", action=Version)
+    top.add_argument("--version", action="version", version=f"robosim {version('robosim')}",
+                     help="print the version and exit")
     # the metavar is as long as the longest name, on a line of its own otherwise
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND ...", title="commands",
                                   prog="robosim")
@@ -50,18 +51,6 @@ def parser() -> argparse.ArgumentParser:
             print(f"robosim: the command {entry.name} ({entry.value}) cannot be loaded: {error}; install the package "
                   f"that offers it again", file=sys.stderr)
     return top
-
-
-class Version(argparse.Action):
-    """Print the version and exit; it is looked up only then."""
-
-    def __init__(self, option_strings: list[str], dest: str, **options: Any) -> None:
-        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, help="print the version and exit", **options)
-
-    def __call__(self, parser: argparse.ArgumentParser, *arguments: Any) -> None:
-        """Print to stdout."""
-        print(f"robosim {version('robosim')}")
-        parser.exit()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -128,6 +117,8 @@ def run_command(arguments: list[str] | None) -> int:
     try:
         if getattr(options, "field_threads", 1) > 1:
             mpm.init(threads=options.field_threads)
+        if getattr(options, "material", None) is not None:
+            config_path("materials", options.material, "material")
         return options.run(options)
     except (RobosimError, mpm.MpmError) as error:
         print(f"robosim {options.command}: {error}", file=sys.stderr)

@@ -6,7 +6,8 @@ from typing import Any
 
 from robosim.base.errors import ConfigError
 from robosim.base.files import write_text
-from robosim.base.resources import config_names, config_path, locate_paths, part_names
+from robosim.base.resources import config_names, config_path, locate_paths, part_names, part_path
+from robosim.commands.keys import KINDS, import_name
 
 EXAMPLE = """examples:
   robosim new rehearsal lab --from spoon
@@ -18,6 +19,9 @@ BASES = {"rehearsal": "spoon", "task": "SpoonPour", "material": "salt", "arm": "
 USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "material": "--material {}",
         "arm": "robosim rehearse spoon --set robot={}"}
 """Kind of file -> what takes it."""
+LOADERS = {"rehearsal": "robosim.config.rehearsal:load_rehearsal", "task": "robosim.tasks.task:load_task",
+           "material": "robosim.config.materials:load_material", "arm": "robosim.robot.robot:load_arm"}
+"""Kind of file -> module and function that reads it."""
 
 
 def add_parser(commands: Any) -> None:
@@ -67,25 +71,10 @@ def find_source(kind: str, basis: str) -> Path:
     """Return the file to copy; raises ConfigError, UnknownName."""
     if kind != "arm":
         return config_path(f"{kind}s", basis, kind)
-    from robosim.robot.mjspec import find_part
-    from robosim.robot.robot import FILES
-
-    return find_part(kind, basis, FILES)
+    return part_path("robots", basis, kind)
 
 
 def schema_of(kind: str, path: Path) -> Any:
     """Find the schema of a valid file; raises ConfigError for one that is not."""
-    source = str(path)
-    if kind == "arm":
-        from robosim.config.arm import ArmConfig
-        from robosim.robot.robot import load_arm
-
-        load_arm(source)
-        return ArmConfig
-    if kind == "rehearsal":
-        from robosim.config.rehearsal import load_rehearsal as load
-    elif kind == "task":
-        from robosim.tasks.task import load_task as load
-    else:
-        from robosim.config.materials import load_material as load
-    return type(load(source))
+    loaded = import_name(LOADERS[kind])(str(path))
+    return import_name(KINDS["arm"]) if kind == "arm" else type(loaded)

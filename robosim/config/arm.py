@@ -4,8 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from mpm.geometry.rigid_motion import Pose
 from robosim.config.bounds import FilePath, JointValue, Mass, Name, Text
-from robosim.config.table import Table, Vector3
+from robosim.config.table import Table, Vector3, make_pose
 
 Grip = Literal["weld", "friction"]
 """How a hand holds a tool."""
@@ -60,6 +61,11 @@ class BasePose(Table):
     """[m]"""
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
     """About x, then y, then z of the world."""
+
+    @property
+    def pose(self) -> Pose:
+        """World pose of the base."""
+        return make_pose(self.position, self.rotation_deg)
 
 
 class ArmConfig(Table):

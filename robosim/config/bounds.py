@@ -66,10 +66,11 @@ Count = Annotated[int, Field(ge=1, le=MAX_GRAINS)]
 
 
 class Within(NamedTuple):
-    """Bounds on the value of a `Quantity`: `E: Annotated[Quantity, Within(1e2, 1e12)]`."""
+    """Bounds and unit of a `Quantity`: `E: Annotated[Quantity, Within(1e2, 1e12, "Pa")]`."""
 
     least: float
     most: float
+    unit: str
 
     def check(self, value: float) -> None:
         """Raise ValueError for a value outside the bounds."""
@@ -78,6 +79,8 @@ class Within(NamedTuple):
 
     def _checked(self, quantity: Any) -> Any:
         self.check(quantity.value)
+        if quantity.unit != self.unit:
+            raise ValueError(f"unit {quantity.unit!r}; accepted: {self.unit!r}")
         return quantity
 
     def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler) -> Any:

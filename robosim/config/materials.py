@@ -20,19 +20,16 @@ class MaterialConfig(Table):
 
     description: Text
     """What it is."""
-    density: Annotated[Quantity, Within(1.0, 25_000.0)]  # aerogel to osmium
+    density: Annotated[Quantity, Within(1.0, 25_000.0, "kg/m^3")]  # aerogel to osmium
     """Bulk density [kg/m^3]."""
     colour: tuple[Intensity, Intensity, Intensity, Intensity] = (0.95, 0.95, 0.93, 1.0)
     """Red, green, blue and opacity, 0 to 1."""
 
-    UNITS: ClassVar[dict[str, str]] = {"density": "kg/m^3"}
-    """Key of a number -> its unit."""
+    LAW: ClassVar[str]
+    """Name of the law in `mpm`."""
 
     @pydantic.model_validator(mode="after")
-    def _check_units(self) -> "MaterialConfig":
-        for name in (key for key in self.UNITS if getattr(self, key, None) is not None):
-            if getattr(self, name).unit != self.UNITS[name]:
-                raise ValueError(f"{name}: unit {getattr(self, name).unit!r}; accepted: {self.UNITS[name]!r}")
+    def _check(self) -> "MaterialConfig":
         self.check()
         return self
 
@@ -41,7 +38,7 @@ class MaterialConfig(Table):
 
     def make_law(self) -> Law:
         """Return the law of the material."""
-        raise NotImplementedError(f"{type(self).__name__} has no law")
+        return getattr(mpm, self.LAW)(**self.law_numbers())
 
     def law_numbers(self) -> dict[str, Any]:
         """Return the arguments of the law that are numbers, angles with their unit (`friction_angle_deg`)."""
@@ -61,47 +58,38 @@ class MaterialConfig(Table):
 class GranularConfig(MaterialConfig):
     """Grains: Drucker-Prager."""
 
-    UNITS: ClassVar[dict[str, str]] = MaterialConfig.UNITS | {
-        "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa", "grain_diameter": "m", "wall_friction": "1",
-        "repose_angle": "deg"}
-
+    LAW = "DruckerPrager"
     law: Literal["granular"]
     """Drucker-Prager."""
-    E: Annotated[Quantity, Within(1e2, 1e12)]  # a heap of 1 cm weighs 1e2 Pa; diamond has 1.1e12 Pa
+    E: Annotated[Quantity, Within(1e2, 1e12, "Pa")]  # a heap of 1 cm weighs 1e2 Pa; diamond has 1.1e12 Pa
     """Young's modulus [Pa]."""
-    nu: Annotated[Quantity, Within(0.0, 0.49)]  # the wave speed grows without bound towards 0.5
+    nu: Annotated[Quantity, Within(0.0, 0.49, "1")]  # the wave speed grows without bound towards 0.5
     """Poisson's ratio."""
-    friction_angle: Annotated[Quantity, Within(0.0, 89.0)]  # the cone of 90 deg is no cone any more
+    friction_angle: Annotated[Quantity, Within(0.0, 89.0, "deg")]  # the cone of 90 deg is no cone any more
     """Internal friction angle [deg]."""
-    cohesion: Annotated[Quantity, Within(0.0, 1e9)]  # concrete has 1e7 Pa
+    cohesion: Annotated[Quantity, Within(0.0, 1e9, "Pa")]  # concrete has 1e7 Pa
     """Cohesion [Pa]."""
-    grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)] | None = None  # the finest powder to coarse gravel
+    grain_diameter: Annotated[Quantity, Within(1e-7, 0.1, "m")] | None = None  # the finest powder to coarse gravel
     """Diameter of a grain [m], by which small holes let grains pass; null: tools with such holes refuse it."""
-    wall_friction: Annotated[Quantity, Within(0.0, 10.0)] | None = None  # dry pairs have up to 1.5 (rubber)
+    wall_friction: Annotated[Quantity, Within(0.0, 10.0, "1")] | None = None  # dry pairs have up to 1.5 (rubber)
     """Friction coefficient on a wall, which the source names; for information: scenes say that of each wall."""
-    repose_angle: Annotated[Quantity, Within(0.0, 90.0)] | None = None
+    repose_angle: Annotated[Quantity, Within(0.0, 90.0, "deg")] | None = None
     """Slope of a poured heap [deg]; for information: in a simulation it follows from the other numbers."""
-
-    def make_law(self) -> Law:
-        """Return the Drucker-Prager law."""
-        return mpm.DruckerPrager(**self.law_numbers())
 
 
 class MuIConfig(GranularConfig):
     """Grains whose friction grows with the rate of shear: the mu(I) rheology."""
 
-    UNITS: ClassVar[dict[str, str]] = GranularConfig.UNITS | {
-        "limit_angle": "deg", "grain_density": "kg/m^3", "inertial_number": "1"}
-
+    LAW = "MuIRheology"
     law: Literal["mu_i"]  # type: ignore[assignment]  # the base's law is another one
     """mu(I) rheology."""
-    limit_angle: Annotated[Quantity, Within(0.0, 89.0)]  # as the friction angle
+    limit_angle: Annotated[Quantity, Within(0.0, 89.0, "deg")]  # as the friction angle
     """Friction angle at infinite rate [deg], not below `friction_angle`."""
-    grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)]  # type: ignore[assignment]  # as of granular materials
+    grain_diameter: Annotated[Quantity, Within(1e-7, 0.1, "m")]  # type: ignore[assignment]  # as of granular materials
     """Diameter of a grain [m]."""
-    grain_density: Annotated[Quantity, Within(1.0, 25_000.0)]  # aerogel to osmium
+    grain_density: Annotated[Quantity, Within(1.0, 25_000.0, "kg/m^3")]  # aerogel to osmium
     """Density of a grain itself [kg/m^3]."""
-    inertial_number: Annotated[Quantity, Within(1e-3, 1e3)]  # published ones are 0.1 to 1
+    inertial_number: Annotated[Quantity, Within(1e-3, 1e3, "1")]  # published ones are 0.1 to 1
     """Inertial number at which friction is half way."""
 
     def check(self) -> None:
@@ -111,49 +99,39 @@ class MuIConfig(GranularConfig):
             raise ValueError(f"friction_angle = {low:g} deg, limit_angle = {high:g} deg; accepted: 0 < friction_angle "
                              f"<= limit_angle")
 
-    def make_law(self) -> Law:
-        """Return the mu(I) rheology."""
-        return mpm.MuIRheology(**self.law_numbers())
-
 
 class FluidConfig(MaterialConfig):
     """A Newtonian fluid."""
 
-    UNITS: ClassVar[dict[str, str]] = MaterialConfig.UNITS | {"bulk_modulus": "Pa", "viscosity": "Pa s"}
-
+    LAW = "NewtonianFluid"
     law: Literal["fluid"]
     """Newtonian fluid."""
-    bulk_modulus: Annotated[Quantity, Within(1e2, 1e12)]  # 1 cm of water on 1e2 Pa; diamond has 4e11 Pa
+    bulk_modulus: Annotated[Quantity, Within(1e2, 1e12, "Pa")]  # 1 cm of water on 1e2 Pa; diamond has 4e11 Pa
     """Bulk modulus [Pa]."""
-    viscosity: Annotated[Quantity, Within(0.0, 1e6)]  # glass at its working point has 1e3, pitch 1e8 Pa s
+    viscosity: Annotated[Quantity, Within(0.0, 1e6, "Pa s")]  # glass at its working point has 1e3, pitch 1e8 Pa s
     """Dynamic viscosity [Pa s]."""
     tension: bool = True
     """Whether expanded fluid pulls; false: it has no pressure where its volume is larger than at first."""
     volume_rate: Literal["particle", "cell"] = "particle"
     """Rate of volume that a particle follows: its own, or the mean of its cell."""
 
-    def make_law(self) -> Law:
-        """Return the Newtonian fluid."""
-        return mpm.NewtonianFluid(tension=self.tension, volume_rate=self.volume_rate, **self.law_numbers())
+    def law_numbers(self) -> dict[str, Any]:
+        """Return the arguments of the law."""
+        return super().law_numbers() | {"tension": self.tension, "volume_rate": self.volume_rate}
 
 
 class ClayConfig(MaterialConfig):
     """Clay: von Mises."""
 
-    UNITS: ClassVar[dict[str, str]] = MaterialConfig.UNITS | {"E": "Pa", "nu": "1", "yield_stress": "Pa"}
-
+    LAW = "VonMises"
     law: Literal["clay"]
     """von Mises."""
-    E: Annotated[Quantity, Within(1e2, 1e12)]  # a heap of 1 cm weighs 1e2 Pa; diamond has 1.1e12 Pa
+    E: Annotated[Quantity, Within(1e2, 1e12, "Pa")]  # a heap of 1 cm weighs 1e2 Pa; diamond has 1.1e12 Pa
     """Young's modulus [Pa]."""
-    nu: Annotated[Quantity, Within(0.0, 0.49)]  # the wave speed grows without bound towards 0.5
+    nu: Annotated[Quantity, Within(0.0, 0.49, "1")]  # the wave speed grows without bound towards 0.5
     """Poisson's ratio."""
-    yield_stress: Annotated[Quantity, Within(1e-3, 1e11)]  # diamond has 1e11 Pa
+    yield_stress: Annotated[Quantity, Within(1e-3, 1e11, "Pa")]  # diamond has 1e11 Pa
     """Yield stress of von Mises [Pa]."""
-
-    def make_law(self) -> Law:
-        """Return the von Mises law."""
-        return mpm.VonMises(**self.law_numbers())
 
 
 KINDS: dict[str, type[MaterialConfig]] = {law: globals()[name] for law, name in MATERIAL_CLASSES.items()}
@@ -172,7 +150,7 @@ def load_material(name: str) -> MaterialConfig:
 
 def number_names(config: MaterialConfig) -> dict[str, str]:
     """Return the keys of a material's numbers by their names, in which angles have their unit: `friction_angle_deg`."""
-    return {f"{name}_deg" if config.UNITS[name] == "deg" else name: name for name in config.numbers()}
+    return {f"{name}_deg" if getattr(config, name).unit == "deg" else name: name for name in config.numbers()}
 
 
 def overridden(config: MaterialConfig, numbers: dict[str, float],

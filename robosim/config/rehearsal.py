@@ -6,28 +6,63 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field
 
+from mpm.geometry.rigid_motion import Pose
 from robosim.base.resources import config_path
+from robosim.config import bounds
 from robosim.config.arm import ArmConfig, ArmServo, BasePose, Grip, GripperConfig
-from robosim.config.bounds import (
-    MAX_ENTRIES,
-    Angle,
-    FilePath,
-    GraspTime,
-    Mass,
-    Name,
-)
-from robosim.config.motion import (
-    DoseConfig,
-    JointTrajectoryConfig,
-    MotionLimitsConfig,
-    PathConfig,
-    PickConfig,
-    WaypointConfig,
-)
+from robosim.config.motion import DoseConfig, JointTrajectoryConfig, MotionLimitsConfig
 from robosim.config.scene import ObstacleConfig, RegionConfig
 from robosim.config.scene_config import SceneConfig
 from robosim.config.settings import Setting
-from robosim.config.table import load
+from robosim.config.table import Table, Vector3, load, make_pose
+
+APPROACH = "approach"
+"""Name of the waypoint from which a hand approaches a tool that it picks up."""
+RETREAT = "retreat"
+"""Name of the waypoint to which it goes back from a tool that it has set down."""
+
+
+class PathConfig(Table):
+    """How the tool rounds the corners between waypoints."""
+
+    acceleration: bounds.Acceleration = 2.0
+    """Acceleration of the tool along the path [m/s^2]."""
+    angular_acceleration: bounds.AngularAcceleration = 10.0
+    """Angular acceleration of the tool along the path [rad/s^2]."""
+    corner_tolerance: bounds.Tolerance = 1.5e-3
+    """Largest distance [m] between the rounded path and the screw motions inside a container."""
+
+
+class WaypointConfig(Table):
+    """A pose of the tool, reached by a screw motion from the waypoint before."""
+
+    name: bounds.Name
+    """Its name in reports and errors."""
+    frame: bounds.Name
+    """Frame of position and rotation: "world", or the name of a container."""
+    position: Vector3
+    """Position of the tool's frame [m]."""
+    rotation_deg: tuple[bounds.Angle, bounds.Angle, bounds.Angle] = (0.0, 0.0, 0.0)
+    """Rotations about the frame's x, then y, then z axis [deg]."""
+    speed: bounds.Speed
+    """Speed of the tool on the way to this waypoint [m/s]."""
+    angular_speed: bounds.AngularSpeed = 1.5
+    """Angular speed on the way to this waypoint [rad/s]; the slower of the two decides."""
+    stop: bool = False
+    """Whether the tool stops there."""
+    dwell: bounds.Duration = 0.0
+    """Duration [s] of the stop."""
+    acceleration: bounds.Acceleration | None = None
+    """Acceleration [m/s^2] in the rounded corner, or before and after the stop; null: path.acceleration."""
+
+
+class PickConfig(Table):
+    """The tool stands at the first waypoint, and the hand picks it up there."""
+
+    approach: Annotated[float, Field(gt=0.0, le=1.0)] = 0.12
+    """Distance [m] from which the open hand comes, along its approach direction."""
+    set_down: bool = False
+    """Whether the hand opens at the last waypoint, where the tool then stands, and goes back by that distance."""
 
 
 class RehearsalConfig(SceneConfig):
@@ -40,7 +75,7 @@ class RehearsalConfig(SceneConfig):
     the container with a negative signed distance to the tool."""
     host_dt: Annotated[float, Field(ge=1e-5, le=1e-3)] = 1e-3
     """MuJoCo step [s]."""
-    grasp_time: GraspTime = 0.5
+    grasp_time: bounds.GraspTime = 0.5
     """Time [s] for the fingers to close before the arm moves."""
     area: RegionConfig | None = None
     """Target region of the material, if the target is not a container."""
@@ -49,39 +84,39 @@ class RehearsalConfig(SceneConfig):
     """Gains of the joints; null: the robot's."""
     path: PathConfig = PathConfig()
     joint_trajectory: JointTrajectoryConfig = JointTrajectoryConfig()
-    waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2, max_length=MAX_ENTRIES)]
+    waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2, max_length=bounds.MAX_ENTRIES)]
     """Poses of the tool, in order."""
-    weigh_at: Name | None = None
+    weigh_at: bounds.Name | None = None
     """Waypoint with a dwell, where the wrist sensor weighs the load; the grains in the tool count as scooped. null: no
     weighing, all grains count."""
-    least_load: Mass = 0.0
+    least_load: bounds.Mass = 0.0
     """Smallest accepted mass [kg] of the load."""
-    robot: FilePath | ArmConfig = "iiwa14"
+    robot: bounds.FilePath | ArmConfig = "iiwa14"
     """Name of an arm of models/robots, the path of a .yaml file of one's own, or a table with its keys."""
-    gripper: FilePath | GripperConfig | None = None
+    gripper: bounds.FilePath | GripperConfig | None = None
     """Name of a hand of models/grippers, the path of a .yaml file, a table, or none: the tool is bolted to the flange;
     null: the robot's usual hand."""
     base: BasePose | None = None
     """Where the arm's base stands; null: where the robot's file says."""
-    grip_turn_deg: Angle | None = None
+    grip_turn_deg: bounds.Angle | None = None
     """Turn of the tool in the hand about its handle [deg]; null: the planner chooses, 0 where that can be followed."""
     max_time_scale: Annotated[float, Field(ge=1.0, le=10.0)] = 1.0
     """Largest factor by which the whole motion is played slower where the arm is too slow for the waypoints' speeds; 1:
     refuse such a motion."""
     pick: PickConfig | None = None
     """Whether the tool is picked up; null: the hand holds it from the start."""
-    workcell: FilePath | None = None
+    workcell: bounds.FilePath | None = None
     """MJCF file of table, floor, lights and cameras, in place of the bundled ones; planning and contacts respect its
     colliding geoms. The grains lie on the plane z = 0 all the same."""
-    obstacles: Annotated[tuple[ObstacleConfig, ...], Field(max_length=MAX_ENTRIES)] = ()
+    obstacles: Annotated[tuple[ObstacleConfig, ...], Field(max_length=bounds.MAX_ENTRIES)] = ()
     """What stands in the robot's way; grains pass through it."""
     trajectory: Literal["script", "learned"] = "script"
     """script: follow the waypoints; learned: follow the learned motions of the sub-tasks in `learned`."""
     dose: DoseConfig | None = None
     """A mass that a controller doses into the empty container, on a balance; null: none."""
-    learned: Annotated[tuple[Name, ...], Field(max_length=MAX_ENTRIES)] = ()
+    learned: Annotated[tuple[bounds.Name, ...], Field(max_length=bounds.MAX_ENTRIES)] = ()
     """Sub-tasks whose learned motions are joined, in order."""
-    motions: FilePath | None = None
+    motions: bounds.FilePath | None = None
     """Folder with a motion of each sub-task as TASK.npz; null: the bundled motions."""
 
     @pydantic.model_validator(mode="after")
@@ -130,6 +165,18 @@ class RehearsalConfig(SceneConfig):
         if not self.waypoints[0].stop or not self.waypoints[-1].stop:
             raise ValueError("waypoints: the first and the last need stop: true")
         return self
+
+    def tool_pose(self, waypoint: WaypointConfig) -> Pose:
+        """Return the world pose of the tool's frame at a waypoint."""
+        local = make_pose(waypoint.position, waypoint.rotation_deg)
+        return local if waypoint.frame == "world" else self.containers[waypoint.frame].pose @ local
+
+    @property
+    def standing_pose(self) -> Pose | None:
+        """World pose at which a tool that is picked up stands; None where none is."""
+        if self.pick is None:
+            return None
+        return self.tool_pose(next(waypoint for waypoint in self.waypoints if waypoint.name != APPROACH))
 
     @property
     def dose_at(self) -> str:

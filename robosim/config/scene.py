@@ -5,23 +5,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pydantic
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 import mpm
 from robosim.base.errors import ConfigError
-from robosim.base.resources import container_names
-from robosim.config.bounds import (
-    MAX_NODES,
-    Angle,
-    FilePath,
-    Friction,
-    GrainsPerCell,
-    HalfSize,
-    Height,
-    Length,
-    Name,
-    TimeStep,
-)
-from robosim.config.table import Table, Vector3
+from robosim.config import bounds
+from robosim.config.table import Table, Vector3, make_pose
 
 
 class RegionConfig(Table):
@@ -29,7 +18,7 @@ class RegionConfig(Table):
 
     centre: Vector3
     """Centre [m]."""
-    half: tuple[HalfSize, HalfSize, HalfSize]
+    half: tuple[bounds.HalfSize, bounds.HalfSize, bounds.HalfSize]
     """Half sizes [m]."""
     round: bool = False
     """Whether it is an upright cylinder."""
@@ -45,27 +34,27 @@ class ContainerConfig(Table):
 
     position: Vector3
     """Centre of the inner floor [m]; of a mesh, its origin."""
-    yaw_deg: Angle = 0.0
+    yaw_deg: bounds.Angle = 0.0
     """Rotation about the vertical [deg]."""
-    tilt_deg: tuple[Angle, Angle] = (0.0, 0.0)
+    tilt_deg: tuple[bounds.Angle, bounds.Angle] = (0.0, 0.0)
     """Rotations about its x, then its y axis [deg], before the yaw."""
-    fill_height: Height = 0.0
+    fill_height: bounds.Height = 0.0
     """Height of the material in it at the start [m], along its own z axis."""
-    model: Name | None = None
+    model: bounds.Name | None = None
     """Name in models/containers; null: the container's own name, unless there are sizes or a mesh."""
-    size: tuple[Length, Length, Length] | None = None
+    size: tuple[bounds.Length, bounds.Length, bounds.Length] | None = None
     """Inner length, width and height [m] of a box."""
-    radius: Length | None = None
+    radius: bounds.Length | None = None
     """Inner radius [m] of a round container."""
-    height: Length | None = None
+    height: bounds.Length | None = None
     """Its inner height [m]."""
     wall: Annotated[float, Field(ge=5e-4, le=0.1)] = 0.006
     """Thickness [m] of walls and floor that are given by sizes."""
-    mesh: FilePath | None = None
+    mesh: bounds.FilePath | None = None
     """Path of a closed mesh, or of a surface with a thickness, z up; STL or OBJ."""
     scale: Annotated[float, Field(ge=1e-6, le=1e3)] = 1.0
     """Metres per unit of the mesh: 0.001 for millimetres."""
-    thickness: Length | None = None
+    thickness: bounds.Length | None = None
     """Thickness [m] of the wall whose middle the mesh is; null: the mesh is closed."""
 
     @pydantic.model_validator(mode="after")
@@ -80,53 +69,57 @@ class ContainerConfig(Table):
         return self
 
     @property
+    def pose(self) -> mpm.Pose:
+        """World pose of its frame, whose origin is the centre of the inner floor, or that of its mesh."""
+        rotation = Rotation.from_euler("z", self.yaw_deg, degrees=True)
+        if any(self.tilt_deg):
+            rotation = rotation * Rotation.from_euler("xy", self.tilt_deg, degrees=True)
+        return mpm.Pose(np.asarray(self.position), rotation.as_quat(scalar_first=True))
+
+    @property
     def is_named(self) -> bool:
         """Whether it is a container of models/containers."""
         return self.size is None and self.radius is None and self.mesh is None
 
 
-def check_containers(containers: dict[str, ContainerConfig]) -> None:
-    """Raise ValueError for a container that is neither of models/containers nor given by sizes or a mesh."""
-    names = container_names()
-    for name, container in containers.items():
-        if container.is_named and (container.model or name) not in names:
-            raise ValueError(f"containers: unknown {container.model or name!r}; valid: {', '.join(names)}; or a "
-                             f"container with size, radius and height, or mesh")
-
-
 class ObstacleConfig(Table):
     """A box, or an upright cylinder, that stands in the way."""
 
-    name: Name
+    name: bounds.Name
     """Its name in errors and reports."""
     position: Vector3
     """Centre [m]."""
-    half: tuple[HalfSize, HalfSize, HalfSize]
+    half: tuple[bounds.HalfSize, bounds.HalfSize, bounds.HalfSize]
     """Half sizes [m]; of a cylinder the first is the radius."""
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
     """About x, then y, then z of the world."""
     round: bool = False
     """Whether it is a cylinder along its z axis."""
 
+    @property
+    def pose(self) -> mpm.Pose:
+        """World pose of its middle."""
+        return make_pose(self.position, self.rotation_deg)
+
 
 class FieldConfig(Table):
     """Numerics of the grains."""
 
-    cell: Length = 0.004
+    cell: bounds.Length = 0.004
     """Edge of a grid cell [m]."""
-    grains_per_cell: GrainsPerCell = 2.0
+    grains_per_cell: bounds.GrainsPerCell = 2.0
     """Number of grains in a filled cell at the start."""
-    tool_friction: Friction = 0.1
+    tool_friction: bounds.Friction = 0.1
     """Friction coefficient between grains and tool; the default is that of polished steel."""
-    container_friction: Friction = 0.5
+    container_friction: bounds.Friction = 0.5
     """Friction coefficient between grains and containers."""
-    floor_friction: Friction = 0.5
+    floor_friction: bounds.Friction = 0.5
     """Friction coefficient between grains and table."""
     region_lower: Vector3 | None = None
     """Lower corner of the region that the material can reach [m]; null: around a rehearsal's places and motion."""
     region_upper: Vector3 | None = None
     """Upper corner of that region [m]."""
-    dt: TimeStep | None = None
+    dt: bounds.TimeStep | None = None
     """Substep [s]; null: from the stability bound."""
     transfer_interval: Annotated[float, Field(ge=0.0, le=0.1)] | Literal["strides"] | None = "strides"
     """Longest stride [s]: time between two transfers of velocities to the particles; 0: a transfer in every substep;
@@ -160,8 +153,8 @@ class FieldConfig(Table):
         if self.region_lower is None:
             return self
         nodes = int(np.prod(self.grid.shape, dtype=float))
-        if nodes > MAX_NODES:
+        if nodes > bounds.MAX_NODES:
             raise ValueError(f"region_lower {self.region_lower} to region_upper {self.region_upper} m with cell = "
-                             f"{self.cell} m: {nodes:.3g} grid nodes; accepted: up to {MAX_NODES:.3g}; make the region "
-                             f"smaller, or the cell larger")
+                             f"{self.cell} m: {nodes:.3g} grid nodes; accepted: up to {bounds.MAX_NODES:.3g}; make the "
+                             f"region smaller, or the cell larger")
         return self

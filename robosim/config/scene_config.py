@@ -5,8 +5,9 @@ from typing import Annotated, ClassVar, Literal
 import pydantic
 from pydantic import Field
 
+from robosim.base.resources import container_names
 from robosim.config.bounds import MAX_ENTRIES, FilePath, Length, Name, Text
-from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig, check_containers
+from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
 from robosim.config.table import Table
 from robosim.config.tool import Tool, name_tool
 
@@ -76,7 +77,11 @@ class SceneConfig(Table):
     @pydantic.model_validator(mode="after")
     def _check_containers(self) -> "SceneConfig":
         """Refuse a container that is not known, and one with the tool's name."""
-        check_containers(self.containers)
+        names = container_names()
+        for name, container in self.containers.items():
+            if container.is_named and (container.model or name) not in names:
+                raise ValueError(f"containers: unknown {container.model or name!r}; valid: {', '.join(names)}; or a "
+                                 f"container with size, radius and height, or mesh")
         if self.tool_name in self.containers:
             raise ValueError(f"containers: {self.tool_name!r} is the tool's name; accepted: another")
         return self

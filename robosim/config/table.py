@@ -7,10 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import pydantic
 from pydantic import BaseModel, ConfigDict
+from scipy.spatial.transform import Rotation
 
 from mpm.files import quote
+from mpm.geometry.rigid_motion import Pose
 from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_text
 from robosim.base.resources import locate_paths
@@ -34,6 +37,11 @@ class Table(BaseModel):
     """A table of a configuration file: frozen, typed, checked once, before any work."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+
+
+def make_pose(position: Vector3, rotation_deg: Vector3) -> Pose:
+    """Return a pose in a frame; rotation_deg: about the frame's x, then its y, then its z."""
+    return Pose(np.array(position), Rotation.from_euler("xyz", rotation_deg, degrees=True).as_quat(scalar_first=True))
 
 
 class Quantity(Table):

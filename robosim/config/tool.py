@@ -130,10 +130,7 @@ class ToolConfig(Table):
 
 
 def read_tool_file(given: Any) -> Any:
-    """Return the table of a tool's .yaml file, whose paths are relative to it; anything else as it is.
-
-    Raises ConfigError, ValueError for a file that cannot be used.
-    """
+    """Return the table of a tool's .yaml file, anything else as it is; raises ConfigError, ValueError."""
     if not isinstance(given, str) or not given.endswith((".yaml", ".yml")):
         return given
     if not Path(given).is_file():

@@ -15,10 +15,9 @@ from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
 from robosim.randomization.draw import STANDARD, Setting
 from robosim.randomization.scene_setting import SceneSetting
-from robosim.robot.assembly import GRIP_TURNS_DEG, add_torque_sensors, add_wrist_sensor
-from robosim.robot.inverse_kinematics import solve_pose, step_towards
+from robosim.robot.assembly import GRIP_TURNS_DEG, add_sensors
+from robosim.robot.inverse_kinematics import solve_path, solve_pose, step_towards
 from robosim.robot.joint_control import JointSmoother
-from robosim.robot.joint_path import solve_path
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointState
 from robosim.scene.build import build_scene_spec
@@ -96,8 +95,7 @@ class ArmTool(Carrier):
         """Build a new specification of the rigid scene."""
         spec = build_scene_spec(self._assembly, self._grip, self._task.containers, self._task.step_dt, contact=True)
         if self._has_sensors:
-            add_wrist_sensor(spec, self._assembly)
-            add_torque_sensors(spec, self._assembly)
+            add_sensors(spec, self._assembly)
         return spec
 
     def _close_fingers(self, steps: int) -> None:

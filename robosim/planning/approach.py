@@ -12,11 +12,9 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.planning.robot_clearance import Nearest, RobotClearance
+from robosim.planning.clearance import Clearances, Nearest
 from robosim.robot.model import Arm
 from robosim.robot.timing import MotionLimits, StraightMotion
-from robosim.scene.build import compile_rehearsal, standing_pose
-from robosim.scene.container_clearance import monitor_containers
 
 MARGIN = 0.01
 """Distance [m] that the robot keeps from everything, unless home or start are closer."""
@@ -44,92 +42,64 @@ class Approach(NamedTuple):
     """The smallest distance on the way."""
 
 
-class Clearances:
-    """Distances of a posture: of the robot from all else, and of the tool that it holds from containers."""
-
-    def __init__(self, config: RehearsalConfig, arm: Arm) -> None:
-        stand = standing_pose(config)
-        self._arm, self._robot = arm, RobotClearance(compile_rehearsal(config), arm, stand)
-        self._surface = monitor_containers(config) if stand is None else None
-        self._tool = config.tool_name
-
-    def least(self, q: np.ndarray) -> Nearest:
-        """Return the smallest of a posture (n,) [rad]."""
-        nearest = self._robot.least(q)
-        if self._surface is not None:
-            distance = self._surface.measure(self._arm.tool_pose(q), MARGIN)
-            if distance < min(MARGIN, nearest.distance):
-                return Nearest(distance, (self._tool, "a container"))
-        return nearest
-
-
 def plan_approach(config: RehearsalConfig, arm: Arm, start: np.ndarray) -> Approach:
     """Plan the motion from home to a posture (n,) [rad], within the limits of joints and motors.
 
     Raises ConfigError where home collides, or no way is found, which says between what.
     """
-    clearances = Clearances(config, arm)
-    ends = [(name, clearances.least(q)) for name, q in (("home", arm.home), ("the start", start))]
+    clearances = Clearances(config, arm, is_standing=True)
+
+    def measure(q: np.ndarray) -> Nearest:
+        return clearances.least(q, MARGIN)
+
+    ends = [(name, measure(q)) for name, q in (("home", arm.home), ("the start", start))]
     for name, nearest in ends:
         if nearest.distance < 0.0:
             raise ConfigError(f"in {name} {nearest.parts[0]} and {nearest.parts[1]} overlap by "
                               f"{-1e3 * nearest.distance:.1f} mm; accepted: the robot's home_deg, or a first waypoint, "
                               f"away from them")
     margin = min(MARGIN, *(0.9 * nearest.distance for _, nearest in ends))
-    route = find_route(arm.home, start, (arm.lower, arm.upper), lambda q: clearances.least(q).distance >= margin)
+    route = find_route(arm.home, start, (arm.lower, arm.upper), lambda q: measure(q).distance >= margin)
     if route is None:
         raise ConfigError(f"no way from home to the start was found that keeps {1e3 * margin:.3g} mm from all else, in "
                           f"{MOST_GROWTHS} attempts; accepted: the robot's home_deg nearer to it, or less in the way")
-    on_the_way = [clearances.least(q) for a, b in pairwise(route) for q in between(a, b, CHECKED)]
+    on_the_way = [measure(q) for a, b in pairwise(route) for q in between(a, b, CHECKED)]
     motion = time_route(np.array(route), arm, arm.limits(config.limits))
     return Approach(motion, min(on_the_way, key=lambda nearest: nearest.distance))
 
 
-def find_route(begin: np.ndarray, end: np.ndarray, limits: tuple[np.ndarray, np.ndarray], is_free: Test,
-               seed: int = 0) -> list[np.ndarray] | None:
+def find_route(begin: np.ndarray, end: np.ndarray, limits: tuple[np.ndarray, np.ndarray],
+               is_free: Test) -> list[np.ndarray] | None:
     """Find corners of a free route between two free postures (n,) [rad], both among them; None where none is found."""
     if is_straight_free(begin, end, is_free):
         return [begin, end]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     low = np.maximum(limits[0], np.minimum(begin, end) - AROUND)
     high = np.minimum(limits[1], np.maximum(begin, end) + AROUND)
-    trees: list[tuple[list[np.ndarray], list[int]]] = [([begin], [-1]), ([end], [-1])]
+    trees = [[[begin]], [[end]]]
     for k in range(MOST_GROWTHS):
         one, other = trees[k % 2], trees[1 - k % 2]
         # every fourth time towards the other tree's root
         goal = other[0][0] if k % 8 < 2 else rng.uniform(low, high)
         if not grow(one, goal, is_free):
             continue
-        reached = one[0][-1]
+        reached = one[-1][-1]
         while grow(other, reached, is_free):
-            if np.array_equal(other[0][-1], reached):
-                first, second = (one, other) if k % 2 == 0 else (other, one)
-                return shorten(trace(first)[::-1] + trace(second)[1:], is_free, rng)
+            if np.array_equal(other[-1][-1], reached):
+                return shorten(trees[0][-1] + trees[1][-1][-2::-1], is_free, rng)
     return None
 
 
-def grow(tree: tuple[list[np.ndarray], list[int]], goal: np.ndarray, is_free: Test) -> bool:
-    """Grow a tree (postures, parents) by one step towards a posture; return whether the way was free."""
-    postures, parents = tree
-    nearest = int(np.argmin([np.linalg.norm(q - goal) for q in postures]))
-    away = goal - postures[nearest]
+def grow(tree: list[list[np.ndarray]], goal: np.ndarray, is_free: Test) -> bool:
+    """Grow a tree, a list of routes from its root, by a step towards a posture; return whether the way was free."""
+    route = min(tree, key=lambda route: np.linalg.norm(route[-1] - goal))
+    away = goal - route[-1]
     length = float(np.abs(away).max())
-    new = goal if length <= GROWTH else postures[nearest] + away * (GROWTH / length)
-    if length == 0.0 or not is_straight_free(postures[nearest], new, is_free):
+    new = goal if length <= GROWTH else route[-1] + away * (GROWTH / length)
+    if length == 0.0 or not is_straight_free(route[-1], new, is_free):
         return False
-    postures.append(new)
-    parents.append(nearest)
+    tree.append([*route, new])
     return True
-
-
-def trace(tree: tuple[list[np.ndarray], list[int]]) -> list[np.ndarray]:
-    """Return the postures from the last one of a tree to its root."""
-    postures, parents = tree
-    route, k = [], len(postures) - 1
-    while k >= 0:
-        route.append(postures[k])
-        k = parents[k]
-    return route
 
 
 def shorten(route: list[np.ndarray], is_free: Test, rng: np.random.Generator) -> list[np.ndarray]:

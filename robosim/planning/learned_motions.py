@@ -13,10 +13,21 @@ from mpm.array_files import read_arrays
 from robosim.base.errors import ConfigError
 from robosim.base.resources import trained
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.planning.pose_sequences import SAMPLING, PoseSequence
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.commanded_pose import move_pose
 from robosim.tasks.task import TaskConfig, load_task
+
+SAMPLING = 0.002
+"""Time [s] between poses."""
+
+
+class PoseSequence(NamedTuple):
+    """World poses of the tool's frame, SAMPLING apart."""
+
+    positions: np.ndarray
+    """(n, 3) [m]"""
+    quaternions: np.ndarray
+    """(n, 4), (w, x, y, z)"""
 
 
 class SubTaskMotion(NamedTuple):
@@ -24,15 +35,10 @@ class SubTaskMotion(NamedTuple):
 
     name: str
     task: TaskConfig
-    motion: PoseSequence
-    """As it was learned."""
+    poses: PoseSequence
+    """Where the rehearsal carries it out."""
     offset: np.ndarray
     """Translation (3,) [m] from where it was learned."""
-
-    @property
-    def poses(self) -> PoseSequence:
-        """Where the rehearsal carries it out."""
-        return PoseSequence(self.motion.positions + self.offset, self.motion.quaternions)
 
 
 def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
@@ -48,11 +54,11 @@ def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
             raise ConfigError(f"learned: {name} moves a {task.tool_name}; the rehearsal's tool is {config.tool_name}")
         motion = load_motion(find_motion(config, name), name, task)
         if sequence:
-            last = sequence[-1]
-            offset = (last.motion.positions[-1] + last.offset - motion.positions[0]) * [1, 1, 0]
+            offset = (sequence[-1].poses.positions[-1] - motion.positions[0]) * [1, 1, 0]
         else:
             offset = _compute_first_offset(config, name, task)
-        sequence.append(SubTaskMotion(name, task, motion, offset))
+        poses = PoseSequence(motion.positions + offset, motion.quaternions)
+        sequence.append(SubTaskMotion(name, task, poses, offset))
     return sequence
 
 
@@ -91,10 +97,7 @@ def _compute_first_offset(config: RehearsalConfig, name: str, task: TaskConfig) 
 
 
 def find_motion(config: RehearsalConfig, name: str) -> Path:
-    """Find the file of a sub-task's motion.
-
-    In the rehearsal's folder `motions` if it has one, else the bundled file. Raises ConfigError where there is none.
-    """
+    """Find the file of a sub-task's motion, in the folder `motions` if there is one; raises ConfigError."""
     if config.motions is not None:
         path = Path(config.motions) / f"{name}.npz"
         if not path.is_file():
@@ -109,10 +112,7 @@ def find_motion(config: RehearsalConfig, name: str) -> Path:
 
 
 def load_motion(path: Path, name: str, task: TaskConfig) -> PoseSequence:
-    """Load a sub-task's motion, from its nominal start to the end of its work.
-
-    Raises ConfigError where the file holds no motion of the task.
-    """
+    """Load a sub-task's motion, from its nominal start to the end of its work; raises ConfigError."""
     poses = _replay_actions(path, name, task)
     replayed = task.step_dt * np.arange(len(poses))
     times = np.arange(0.0, task.step_dt * (len(poses) - 0.5), SAMPLING)

@@ -7,7 +7,6 @@ from mpm import Pose
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import DoseCommand
-from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.shapes import tool_shape
 
 RESPONSE = 0.05
@@ -71,7 +70,7 @@ def make_lip_motion(config: RehearsalConfig) -> LipMotion:
     assert dose is not None
     name = dose_cup(config)
     waypoint = next(w for w in config.waypoints if w.name == config.dose_at)
-    start, cup = waypoint_pose(waypoint, config.containers), config.containers[name]
+    start, cup = config.tool_pose(waypoint), config.containers[name]
     lean = np.arccos(np.clip(start.matrix[2, 2], -1.0, 1.0))
     if lean > LEVEL or any(cup.tilt_deg):
         raise ConfigError(f"dose.at: the tool leans by {np.degrees(lean):.1f} deg at waypoint {waypoint.name!r}, the "
@@ -82,7 +81,7 @@ def make_lip_motion(config: RehearsalConfig) -> LipMotion:
         raise ConfigError(f"dose.lip: missing, and the rim of the {config.tool_name} is not known; accepted: the lip's "
                           f"place in its frame")
     motion = LipMotion(start, lip, start.apply(lip[None])[0], np.radians(dose.largest_tilt_deg), dose.vibration_axis)
-    pose = container_pose(cup)
+    pose = cup.pose
     goal = np.array([*pose.position[:2], motion.lip[2]])
     away = float(np.linalg.norm(goal - motion.lip))
     if away > ASIDE:

@@ -3,11 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robosim.config.motion import APPROACH, RETREAT, WaypointConfig
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal import APPROACH, RETREAT, RehearsalConfig, WaypointConfig
 from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import find_site_pose
-from robosim.scene.frames import waypoint_pose
 
 SETTLING = 0.2
 """Time [s] at rest after the fingers have closed, and before they open."""
@@ -35,7 +33,7 @@ def add_picking(config: RehearsalConfig, assembly: Assembly) -> RehearsalConfig:
 def stand_off(config: RehearsalConfig, assembly: Assembly, waypoint: WaypointConfig, name: str) -> WaypointConfig:
     """Return a waypoint with the hand away from another one, against its approach direction."""
     assert config.pick is not None and assembly.tool is not None
-    stand = waypoint_pose(waypoint, config.containers)
+    stand = config.tool_pose(waypoint)
     grip = find_site_pose(assembly.tool.spec, assembly.tool.grip, assembly.tool.name)
     turned = Rotation.from_matrix(grip.matrix) * Rotation.from_euler("z", -assembly.grip_turn_deg, degrees=True)
     back = stand.matrix @ turned.as_matrix() @ [0.0, -config.pick.approach, 0.0]

@@ -1,11 +1,9 @@
 """Where the material is at the end of a rehearsal, and the load weighed at the wrist."""
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from robosim.rehearsal.run import RehearsalRun
-from robosim.scene.grains import is_in_container, is_in_tool
+from robosim.scene.grains import is_in_container
 
 GRAVITY = 9.81
 SETTLING_TIME = 0.1
@@ -18,39 +16,31 @@ def compute_ratio(value: float, reference: float) -> float | None:
 
 
 def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, float | None]:
-    """Compute where the material is, as fractions of the scooped mass.
+    """Compute where the material is as fractions of the scooped mass; positions [m] (n, 3): of the grains at the end.
 
-    positions [m] (n, 3): of the grains at the end. delivered, returned and retained count the grains that were in the
-    tool when it was weighed, or all grains where nothing is weighed. spilled counts every grain outside containers,
-    area and tool, also those spilled while scooping.
+    delivered, returned and retained count the grains that were in the tool when it was weighed, or all grains where
+    nothing is weighed. spilled counts every grain outside containers, area and tool, also those spilled while scooping.
     """
     mass, config = run.solver.masses(), run.config
     scooped = np.full(len(mass), config.weigh_at is None) if run.scooped is None else run.scooped
     inside = {name: is_in_container(positions, name, one) for name, one in config.containers.items()}
-    delivered = config.area.region.holds(positions) if config.area else find_any(inside, config.sinks, len(mass))
-    returned = find_any(inside, config.sources, len(mass))
-    retained = is_in_tool(config.tool, positions, run.cell.tool_pose())
+    delivered, returned = (np.logical_or.reduce([np.zeros(len(mass), bool), *(inside[name] for name in names)])
+                           for names in (config.sinks, config.sources))
+    if config.area:
+        delivered = config.area.region.holds(positions)
+    retained = run.is_held(positions)
     if config.weigh_at is not None:  # grains in a tool above the area, or in the container, are not delivered yet
         delivered &= ~retained
     retained &= ~delivered & ~returned
     spilled = ~(delivered | returned | retained)
     scooped_mass = mass[scooped].sum()
     regions = {"delivered_fraction": delivered, "returned_fraction": returned, "retained_fraction": retained}
-    result = {name: compute_ratio(mass[scooped & region].sum(), scooped_mass) for name, region in regions.items()}
-    result["spilled_fraction"] = compute_ratio(mass[spilled].sum(), scooped_mass)
-    return result
-
-
-def find_any(inside: dict[str, np.ndarray], names: Iterable[str], count: int) -> np.ndarray:
-    """Return which of `count` grains are in any of the named containers; inside: name -> which are in it."""
-    return np.logical_or.reduce([inside[name] for name in names] or [np.zeros(count, bool)])
+    return {name: compute_ratio(mass[scooped & region].sum(), scooped_mass) for name, region in regions.items()} | {
+        "spilled_fraction": compute_ratio(mass[spilled].sum(), scooped_mass)}
 
 
 def compute_scooped_mass(run: RehearsalRun) -> float:
-    """Compute the mass [kg] in the tool while it was weighed.
-
-    The whole mass where nothing is weighed.
-    """
+    """Compute the mass [kg] in the tool while it was weighed. The whole mass where nothing is weighed."""
     waypoint = run.config.weigh_at
     if waypoint is None:
         return float(run.solver.masses().sum())
@@ -67,10 +57,7 @@ def find_weighing_interval(run: RehearsalRun, waypoint: str) -> tuple[float, flo
 
 
 def weigh_at_wrist(run: RehearsalRun) -> float | None:
-    """Weigh the load [kg] with the wrist sensor.
-
-    Force along gravity less the weight of hand and tool. None where nothing is weighed.
-    """
+    """Weigh the load [kg] by the wrist's force, less hand and tool; None where nothing is weighed."""
     if run.config.weigh_at is None:
         return None
     begin, end = find_weighing_interval(run, run.config.weigh_at)

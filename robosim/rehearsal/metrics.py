@@ -10,6 +10,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import accepted_error
 from robosim.planning.learned_path import LearnedPath
 from robosim.planning.waypoint_path import is_in_container
+from robosim.rehearsal.comparison import replay_figures
 from robosim.rehearsal.mass_balance import (
     GRAVITY,
     compute_fractions,
@@ -17,12 +18,10 @@ from robosim.rehearsal.mass_balance import (
     compute_scooped_mass,
     weigh_at_wrist,
 )
-from robosim.rehearsal.replay.comparison import replay_figures
 from robosim.rehearsal.run import RehearsalRun
-from robosim.scene.frames import waypoint_pose
 from robosim.shapes import tool_shape
 
-PATH_ERROR_STRIDE = 2
+PATH_ERROR_STEPS = 2
 """Steps from one comparison with the commanded path to the next."""
 PATH_ERROR_WINDOW = 0.05
 """Time [s] before and after a step in which the commanded path is compared with it."""
@@ -33,6 +32,8 @@ class Bound(NamedTuple):
 
     low: float
     high: float
+    is_optional: bool = False
+    """Whether it may be None."""
 
 
 BOUNDS = {
@@ -42,31 +43,22 @@ BOUNDS = {
     "robot_surroundings_contacts": Bound(0, 0),
     "robot_self_contacts": Bound(0, 0),
     "wrist_payload_relative_error": Bound(0, 0.03),
-    "momentum_residual": Bound(0, 1e-4),
+    "momentum_residual": Bound(0, 1e-4, is_optional=True),  # the grains may touch nothing
     "velocity_limit_ratio_max": Bound(0, 1.0),
     "torque_limit_ratio_max": Bound(0, 1.0),
     "joint_limit_ratio_max": Bound(0, 1.0),
     "ik_position_error_max_m": Bound(0, 1e-5),
     "tool_tracking_error_max_m": Bound(0, 3e-3),
     "path_error_max_m": Bound(0, 3e-3),
-    "path_error_inside_max_m": Bound(0, 2e-3),
-    "wrist_load_ratio_max": Bound(0, 1.0),
+    "path_error_inside_max_m": Bound(0, 2e-3, is_optional=True),  # the tool may be in no container
+    "wrist_load_ratio_max": Bound(0, 1.0, is_optional=True),  # the robot's file may say no payload
     "grasp_slip_m": Bound(0, 2e-3),
-    "set_down_distance_m": Bound(0, 5e-3),
-    "set_down_tilt_deg": Bound(0, 2.0),
+    "set_down_distance_m": Bound(0, 5e-3, is_optional=True),  # the tool may not be set down
+    "set_down_tilt_deg": Bound(0, 2.0, is_optional=True),  # the same
     "coupling_missed_fraction": Bound(0, 0.01),
     "particles_lost": Bound(0, 0),
 }
 """Bounds of every rehearsal (SI units; a name ends in the unit, if there is one)."""
-OPTIONAL = {"momentum_residual": "the grains touched nothing",
-            "path_error_inside_max_m": "the tool was in no container",
-            "set_down_distance_m": "no tool was set down", "set_down_tilt_deg": "no tool was set down",
-            "wrist_load_ratio_max": "the robot's file says no payload"}
-"""Figure that may be None -> where it is."""
-WRIST_ERROR = "wrist_payload_relative_error"
-"""The figure that is None where nothing is weighed."""
-DELIVERED, DOSE_ERROR = "delivered_fraction", "dose_error_kg"
-"""What of the load is asked for: of a rehearsal without a dose, and of one with a dose."""
 
 
 def get_bounds(config: RehearsalConfig) -> dict[str, Bound]:
@@ -75,23 +67,22 @@ def get_bounds(config: RehearsalConfig) -> dict[str, Bound]:
     They include its least load, and no weighing where it weighs nothing. A dose has the bound of its error in place of
     the delivered fraction: the rest stays in the tool.
     """
-    left_out = {name for name, is_absent in ((WRIST_ERROR, not config.weigh_at), (DELIVERED, config.dose is not None))
-                if is_absent}
-    error = 0.0 if config.dose is None else accepted_error(1e-3 * config.dose.target_g)
-    dose = {} if config.dose is None else {DOSE_ERROR: Bound(-error, error)}
-    return {"scooped_mass_kg": Bound(config.least_load, np.inf), **dose,
-            **{name: bound for name, bound in BOUNDS.items() if name not in left_out}}
+    first, bounds = {"scooped_mass_kg": Bound(config.least_load, np.inf)}, dict(BOUNDS)
+    if not config.weigh_at:
+        del bounds["wrist_payload_relative_error"]
+    if config.dose is not None:
+        error = accepted_error(1e-3 * config.dose.target_g)
+        del bounds["delivered_fraction"]
+        first["dose_error_kg"] = Bound(-error, error)
+    return first | bounds
 
 
 def find_missed(figures: dict[str, object], config: RehearsalConfig) -> list[str]:
-    """Describe each figure outside its bound in one line.
-
-    Returns an empty list where all are within.
-    """
+    """Describe each figure outside its bound in one line. Returns an empty list where all are within."""
     lines = []
     for name, bound in get_bounds(config).items():
         value = figures[name]
-        if name in OPTIONAL and value is None:
+        if bound.is_optional and value is None:
             continue
         if not isinstance(value, (int, float)) or not bound.low <= value <= bound.high:
             lines.append(f"{name} = {value}; accepted: {bound.low:g} to {bound.high:g}")
@@ -99,43 +90,49 @@ def find_missed(figures: dict[str, object], config: RehearsalConfig) -> list[str
 
 
 def compute_figures(run: RehearsalRun) -> dict[str, object]:
-    """Compute the report's figures as JSON values.
-
-    A name ends in the unit, if the figure has one. Fractions are of the scooped mass.
-    """
-    config, positions = run.config, run.solver.positions()
+    """Compute the report's figures as JSON values; a name ends in the unit; fractions are of the scooped mass."""
+    config, plan, path, stage = run.config, run.plan, run.plan.path, run.stage
+    clearance, approach = plan.clearance, plan.approach
     return {
-        "material": config.material, "grains": len(positions), "cell_m": config.field.cell,
+        "material": config.material, "grains": len(run.solver.masses()), "cell_m": config.field.cell,
         "substep_s": run.solver.substep, "seed": run.seed, "host_dt_s": config.host_dt, "coupling": config.coupling,
         "simulated_time_s": run.time, "wall_time_s": run.wall_time,
         "realtime_factor": run.time / max(run.wall_time, 1e-9),
         **{f"{name}_time_s": seconds for name, seconds in run.timings.items()},
         "awake_share": run.readings.awake_share,
-        **_mass_figures(run, positions),
+        **_mass_figures(run),
         **_contact_figures(run),
         **_momentum_figures(run),
         **_arm_figures(run),
-        "robot": run.plan.arm.assembly.robot.name, "gripper": run.plan.arm.assembly.gripper_name,
-        "grip_turn_deg": run.config.grip_turn_deg, "motion_time_scale": run.plan.time_scale,
-        "planned_clearance_m": finite(run.plan.clearance.surroundings.distance),
-        "planned_clearance_between": list(run.plan.clearance.surroundings.parts),
-        "planned_self_clearance_m": finite(run.plan.clearance.itself.distance),
-        **_approach_figures(run),
-        "motion_delay_s": run.plan.motion.delay, "driver": run.driver.name,
+        "robot": plan.arm.assembly.robot.name, "gripper": plan.arm.assembly.gripper_name,
+        "grip_turn_deg": config.grip_turn_deg, "motion_time_scale": plan.time_scale,
+        "planned_clearance_m": finite(clearance.surroundings.distance),
+        "planned_clearance_between": list(clearance.surroundings.parts),
+        "planned_self_clearance_m": finite(clearance.itself.distance),
+        **({"approach": f"none: {plan.no_approach}"} if approach is None else {
+            "approach": "from home", "approach_time_s": approach.motion.duration,
+            "approach_corners": len(approach.motion.corners) - 2,
+            "approach_clearance_m": finite(approach.clearance.distance),
+            "approach_clearance_between": list(approach.clearance.parts)}),
+        "motion_delay_s": plan.motion.delay, "driver": run.driver.name,
         "trajectory": "recorded" if run.replay else "driver" if run.driver.is_own else config.trajectory,
-        **_learned_path_figures(run), **_replay_figures(run),
+        **({} if not isinstance(path, LearnedPath) else {
+            "learned": list(config.learned), "time_scale": path.time_scale,
+            "path_smoothing_deviation_m": path.smoothing_deviation, "path_clearance_shift_m": path.clearance_shift}),
+        **({} if run.replay is None else replay_figures(run.replay, run.compare_wrench(), run.plan.arm)),
         "model_errors": None if run.errors is None else run.errors.figures(),
         "grasp": config.grasp, "grasp_slip_m": run.cell.grasp.slip,
         "grasp_slip_deg": float(np.degrees(run.cell.grasp.slip_angle)),
-        **_set_down_figures(run), **_dose_figures(run),
+        **_set_down_figures(run),
+        **({} if stage is None else dose_figures(stage, run.mass_in_cup() - stage.tare, float(run.solver.masses()[0]))),
         "particles_lost": int(run.readings.stack_grains("lost").max()),
     }
 
 
-def _mass_figures(run: RehearsalRun, positions: np.ndarray) -> dict[str, object]:
+def _mass_figures(run: RehearsalRun) -> dict[str, object]:
     scooped, payload = compute_scooped_mass(run), weigh_at_wrist(run)
     error = None if payload is None else compute_ratio(abs(payload - scooped), scooped)
-    return {"scooped_mass_kg": scooped, **compute_fractions(run, positions), "wrist_payload_kg": payload,
+    return {"scooped_mass_kg": scooped, **compute_fractions(run, run.solver.positions()), "wrist_payload_kg": payload,
             "wrist_payload_relative_error": error}
 
 
@@ -176,32 +173,15 @@ def _arm_figures(run: RehearsalRun) -> dict[str, object]:
     }
 
 
-def _approach_figures(run: RehearsalRun) -> dict[str, object]:
-    """Of the way from the arm's home to the start of the motion, or why there is none."""
-    approach = run.plan.approach
-    if approach is None:
-        return {"approach": f"none: {run.plan.no_approach}"}
-    return {"approach": "from home", "approach_time_s": approach.motion.duration,
-            "approach_corners": len(approach.motion.corners) - 2,
-            "approach_clearance_m": finite(approach.clearance.distance),
-            "approach_clearance_between": list(approach.clearance.parts)}
-
-
 def _set_down_figures(run: RehearsalRun) -> dict[str, object]:
     """Return how far [m] the tool stands in the end from where it was set down, and how much [deg] it leans."""
     if not np.isfinite(run.held_until):
         return {"set_down_distance_m": None, "set_down_tilt_deg": None}
-    place, end = waypoint_pose(run.config.waypoints[-2], run.config.containers), run.cell.tool_pose()
+    place, end = run.config.tool_pose(run.config.waypoints[-2]), run.cell.tool_pose()
     upright = place.matrix.T @ np.array([0.0, 0.0, 1.0])
     leaning = np.arccos(np.clip((end.matrix @ upright)[2], -1.0, 1.0))
     return {"set_down_distance_m": float(np.linalg.norm(end.position - place.position)),
             "set_down_tilt_deg": float(np.degrees(leaning))}
-
-
-def _dose_figures(run: RehearsalRun) -> dict[str, object]:
-    """Return the figures of a dose; empty without one."""
-    stage = run.stage
-    return {} if stage is None else dose_figures(stage, run.mass_in_cup() - stage.tare, float(run.solver.masses()[0]))
 
 
 def dose_figures(stage: DosingStage, mass: float, grain_mass: float) -> dict[str, object]:
@@ -220,20 +200,6 @@ def dose_figures(stage: DosingStage, mass: float, grain_mass: float) -> dict[str
         "dosing_time_s": seconds, "dosing_largest_tilt_deg": float(np.degrees(tilts.max(initial=0.0))),
         "dosing_timed_out": stage.is_late,
     }
-
-
-def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:
-    """Differences from the learned motions; empty for a script."""
-    path = run.plan.path
-    if not isinstance(path, LearnedPath):
-        return {}
-    return {"learned": list(run.config.learned), "time_scale": path.time_scale,
-            "path_smoothing_deviation_m": path.smoothing_deviation, "path_clearance_shift_m": path.clearance_shift}
-
-
-def _replay_figures(run: RehearsalRun) -> dict[str, object]:
-    """Differences of a recording from plan and simulation; empty without one."""
-    return {} if run.replay is None else replay_figures(run.replay, run.compare_wrench(), run.plan.arm)
 
 
 def finite(value: float) -> float | None:
@@ -261,7 +227,7 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
     commanded = np.array([find_points(Pose(row[:3], row[3:]), tip) for row in run.readings.stack_steps("commanded")])
     worst, inside, window = 0.0, None, round(PATH_ERROR_WINDOW / run.config.host_dt)
     first, end = (int(np.searchsorted(times, time)) for time in (run.held_from, run.held_until))
-    for step in range(first, end, PATH_ERROR_STRIDE):
+    for step in range(first, end, PATH_ERROR_STEPS):
         pose = Pose(reached[step, :3], reached[step, 3:])
         measured = find_points(pose, tip)
         worst = max(worst, find_deviation(commanded[max(step - window, 0) : step + window + 1], measured))

@@ -9,9 +9,9 @@ import yaml
 
 from robosim.cell.dosing_stage import DoseSample, DosingStage
 from robosim.recordings.reader import FILE, Recording
+from robosim.rehearsal.comparison import replay_charts
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
-from robosim.rehearsal.replay.comparison import replay_charts
-from robosim.rehearsal.run import DOSE, RehearsalRun
+from robosim.rehearsal.run import RehearsalRun
 from robosim.reports.curves import Chart, Curve, draw_charts
 from robosim.reports.page import Page
 
@@ -39,7 +39,7 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
                        f"curves: robosim view {folder}")
         charts = make_charts(run, recording)
     page.add_heading("Curves")
-    page.add_plot(draw_charts(charts, make_marks(run)),
+    page.add_plot(draw_charts(charts, {name: time for time, name in run.passages()}),
                   "Drag to zoom, double-click to come back; a click in the legend hides a curve.")
     page.add_heading("Bounds")
     page.add_table(["figure", "value", "unit", "accepted from", "to", "verdict", "margin"],
@@ -63,17 +63,11 @@ def split_unit(name: str) -> tuple[str, str]:
 def bound_row(name: str, value: object, bound: Bound) -> list[object]:
     """Return a line of the table of bounds; margin: to the nearer end, negative outside."""
     words, unit = split_unit(name)
-    low, high = (None if np.isinf(end) else end for end in bound)
+    low, high = (None if np.isinf(end) else end for end in bound[:2])
     if not isinstance(value, int | float):
         return [words, None, unit, low, high, "not run", None]
     margin = min(value - bound.low, bound.high - value)
     return [words, value, unit, low, high, "held" if margin >= 0 else "missed", None if np.isinf(margin) else margin]
-
-
-def make_marks(run: RehearsalRun) -> dict[str, float]:
-    """Return names and times [s] of the waypoints, and of a dose's begin."""
-    times = {name: run.waypoint_time(name) for name in run.plan.path.times}
-    return times if run.stage is None or run.stage.begin is None else {DOSE: run.stage.begin} | times
 
 
 def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:

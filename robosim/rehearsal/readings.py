@@ -13,10 +13,7 @@ WRITTEN = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque
 
 
 class Step(NamedTuple):
-    """Readings of one host step, at its end unless stated.
-
-    Vectors of the arm are (n,).
-    """
+    """Readings of one host step, at its end unless stated. Vectors of the arm are (n,)."""
 
     time: float
     """[s]"""
@@ -75,10 +72,7 @@ class EnergySample(NamedTuple):
 
 
 def name_columns(joints: Sequence[str], slides: Collection[str] = ()) -> list[str]:
-    """Name the columns of trajectory.csv; slides: joints whose values are in metres and newtons.
-
-    Poses are in metres and quaternions, whose signs are chosen by `make_continuous`.
-    """
+    """Name the columns of trajectory.csv; slides: joints whose values are in metres and newtons."""
     forms = ("q_{}_rad", "qd_{}_rad_s", "qdd_{}_rad_s2", "torque_{}_Nm", "sensed_torque_{}_Nm", "external_torque_{}_Nm")
     def name(form: str, joint: str) -> str:
         return form.format(joint).replace("_rad", "_m").replace("_Nm", "_N") if joint in slides else form.format(joint)

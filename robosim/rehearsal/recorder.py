@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from robosim.base.provenance import commit
+from robosim.cell.drivers import DosingDriver
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.episode.sheet import LOAD
 from robosim.planning.waypoint_path import is_in_container
@@ -47,15 +48,15 @@ def make_recorder(run: RehearsalRun, path: Path, frame_rate: float = FRAME_RATE)
         caption=config.material, curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=frame_rate,
         grain_volume=run.grains.grain_volume, colour=run.material.colour, tool=config.tool_name,
         hand=run.cell.model.body(run.cell.scene.wrist).name, paths={"commanded": commanded},
-        regions=list(counting_regions(config)), waypoints=list_waypoints(run, run.planned_passages()), commit=commit())
+        regions=list(counting_regions(config)), waypoints=list_waypoints(run, run.passages()), commit=commit())
 
 
 def finish_recording(run: RehearsalRun, recorder: SceneRecorder) -> None:
     """Add the waypoints after a dose, if it came to its end, and close the recording. May be called twice."""
     try:
-        if run.driver.delay > 0.0 and not recorder.writer.is_closed:
-            recorder.writer.add_waypoints(list_waypoints(run, [(time + run.driver.delay, name) for time, name in
-                                                               run.passages_after_dose()]))
+        if isinstance(run.driver, DosingDriver) and run.driver.delay > 0.0 and not recorder.writer.is_closed:
+            late = [(time, name) for time, name in run.passages() if time > run.driver.begin]
+            recorder.writer.add_waypoints(list_waypoints(run, late))
     finally:
         recorder.close()
 
@@ -69,15 +70,12 @@ def list_waypoints(run: RehearsalRun, passages: list[tuple[float, str]]) -> list
 
 def counting_regions(config: RehearsalConfig) -> list[RegionEntry]:
     """Return where grains may be at the end: containers, the area, and the tool; and the pile of the start."""
-    entries = []
-    for name, container in config.containers.items():
-        entries.append(region_entry(name, *container_region(name, container)))
+    entries = [region_entry(name, *container_region(name, container)) for name, container in config.containers.items()]
     if config.area is not None:
         entries.append(region_entry("area", config.area.region, is_marked=True))
     if config.pile is not None:
         entries.append(region_entry("pile", config.pile.region))
-    entries.append(region_entry(config.tool_name, tool_shape(config.tool).interior, body=config.tool_name))
-    return entries
+    return [*entries, region_entry(config.tool_name, tool_shape(config.tool).interior, body=config.tool_name)]
 
 
 class RunReadings:

@@ -15,13 +15,13 @@ from robosim.config.materials import MaterialConfig, load_material
 from robosim.planning.lip_motion import dose_cup
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import Plan
+from robosim.rehearsal.comparison import WrenchComparison, compare_wrench
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
-from robosim.rehearsal.replay.comparison import Simulated, WrenchComparison, compare_wrench
-from robosim.rehearsal.replay.recorded_motion import Replay
+from robosim.rehearsal.recorded_motion import RecordedMotion
 from robosim.robot.joint_control import TorqueSensors
 from robosim.robot.model_errors import ModelErrors
 from robosim.robot.timing import JointState
-from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec, standing_pose
+from robosim.scene.build import build_rehearsal_spec
 from robosim.scene.compiled import compile_scene
 from robosim.scene.container_clearance import monitor_containers
 from robosim.scene.field import FieldOptions, build_field
@@ -48,12 +48,12 @@ class RehearsalRun:
     and for drivers that cannot be used.
     """
 
-    def __init__(self, plan: Plan, seed: int = 0, material: MaterialConfig | None = None, replay: Replay | None = None,
-                 errors: ModelErrors | None = None, driver: Any = None) -> None:
+    def __init__(self, plan: Plan, seed: int = 0, material: MaterialConfig | None = None,
+                 replay: RecordedMotion | None = None, errors: ModelErrors | None = None, driver: Any = None) -> None:
         if replay is not None and (plan.config.dose is not None or driver is not None):
             raise ConfigError("a recording with a dose or a driver; accepted: one of them, for a recording is of a "
                               "planned motion")
-        self.plan = plan if replay is None else plan._replace(motion=replay.motion)
+        self.plan = plan if replay is None else plan._replace(motion=replay)
         self.config = config = plan.config
         self.replay, self.errors, self.seed = replay, errors, seed
         self.material: MaterialConfig = material or load_material(config.material)
@@ -89,15 +89,15 @@ class RehearsalRun:
     def _make_cell(self) -> Cell:
         """Assemble and compile the scene, with the errors of the robot's model, in the motion's first posture."""
         config, arm, errors = self.config, self.plan.arm, self.errors
-        spec = build_rehearsal_spec(config)
+        spec = build_rehearsal_spec(config, arm.assembly)
         if errors is not None:
             errors.place_tool(spec, config.tool_name)
-        scene = compile_scene(spec, assemble_rehearsal(config))
+        scene = compile_scene(spec, arm.assembly)
         if errors is not None:
             errors.change_model(scene.model, scene.wrist, scene.arm_dofs)
         gains = arm.gains(config.servo)
         return Cell(scene, arm, self.plan.motion.state(-config.grasp_time).q, config.containers,
-                    gains=gains if errors is None else errors.change_gains(gains), stand=standing_pose(config))
+                    gains=gains if errors is None else errors.change_gains(gains), stand=config.standing_pose)
 
     def _make_driver(self, own: Any) -> MotionDriver:
         """Make what commands the joints: a user's own driver, the plan with a dose, or the plan or recording alone."""
@@ -111,7 +111,7 @@ class RehearsalRun:
                               f"with the methods `start` and `command` (robosim.dosing.command.DoseController)")
         begin = self.plan.path.rests[config.dose_at][1]
         stage = DosingStage(config, arm, motion.state(begin).q, self.mass_in_cup, self.seed, own, late)
-        return DosingDriver(motion, config.grasp_time, late, stage, begin + config.grasp_time, self._held_mass)
+        return DosingDriver(motion, config.grasp_time, late, stage, begin + config.grasp_time, self.held_mass)
 
     @property
     def stage(self) -> DosingStage | None:
@@ -132,43 +132,34 @@ class RehearsalRun:
         """Return the recorded and the simulated wrench; None without a recorded one."""
         if self.replay is None:
             return None
-        steps = Simulated(*(self.readings.stack_steps(name) for name in ("time", "q", "wrist")))
-        return compare_wrench(self.replay, steps, self.cell.model, self.cell.scene.arm_qpos, self.config.grasp_time)
+        return compare_wrench(self.replay, self.readings, self.cell.model, self.cell.scene.arm_qpos,
+                              self.config.grasp_time)
 
-    def waypoint_time(self, name: str) -> float:
-        """Return the simulated time [s] at which a waypoint is passed."""
-        time, driver = self.config.grasp_time + self.plan.path.times[name], self.driver
-        return time + driver.delay if isinstance(driver, DosingDriver) and time >= driver.begin else time
+    def passages(self) -> list[tuple[float, str]]:
+        """Return simulated times [s] and names of the waypoints that are passed at known times, in order.
 
-    def planned_passages(self) -> list[tuple[float, str]]:
-        """Return times [s] and names of the waypoints that are passed at times known before the run, in order.
-
-        Those up to a dose, and the dose itself: it decides when the arm goes on.
+        With a dose those up to it, and the dose itself: it decides when the arm goes on. Once it is over, all.
         """
-        passages = sorted((self.waypoint_time(name), name) for name in self.plan.path.times)
+        times = [(self.config.grasp_time + time, name) for name, time in self.plan.path.times.items()]
         if not isinstance(self.driver, DosingDriver):
-            return passages
-        begin = self.driver.begin
-        return [(time, name) for time, name in passages if time < begin] + [(begin, DOSE)]
+            return sorted(times)
+        begin, delay = self.driver.begin, self.driver.delay
+        after = sorted((time + delay, name) for time, name in times if time >= begin)
+        return sorted(one for one in times if one[0] < begin) + [(begin, DOSE)] + (after if delay > 0.0 else [])
 
-    def passages_after_dose(self) -> list[tuple[float, str]]:
-        """Return times [s] and names of the waypoints after a dose, in order, without the time that it takes."""
-        if not isinstance(self.driver, DosingDriver):
-            return []
-        times = {name: self.config.grasp_time + time for name, time in self.plan.path.times.items()}
-        return sorted((time, name) for name, time in times.items() if time >= self.driver.begin)
+    def is_held(self, positions: np.ndarray) -> np.ndarray:
+        """Return which of the grains at positions (n, 3) [m] are in the tool (n,)."""
+        return is_in_tool(self.config.tool, positions, self.cell.tool_pose())
+
+    def held_mass(self) -> float:
+        """Return the mass [kg] in the tool."""
+        return self._grain_mass * int(self.is_held(self.solver.positions()).sum())
 
     def mass_in_cup(self) -> float:
         """Return the mass [kg] in the cup of the dose, without grains that the tool holds above it."""
         name, positions = dose_cup(self.config), self.solver.positions()
         inside = is_in_container(positions, name, self.config.containers[name])
-        held = is_in_tool(self.config.tool, positions, self.cell.tool_pose())
-        return self._grain_mass * int((inside & ~held).sum())
-
-    def _held_mass(self) -> float:
-        """Return the mass [kg] in the tool."""
-        return self._grain_mass * int(is_in_tool(self.config.tool, self.solver.positions(),
-                                                 self.cell.tool_pose()).sum())
+        return self._grain_mass * int((inside & ~self.is_held(positions)).sum())
 
     def _read_robot(self, time: float, planned: JointState) -> RobotState:
         """Return what a user's driver reads."""
@@ -176,10 +167,7 @@ class RehearsalRun:
         return RobotState(time, cell.q.copy(), cell.qd.copy(), cell.tool_pose(), cell.wrist_wrench(), planned)
 
     def run(self, after_step: Callable[[], None]) -> None:
-        """Simulate the motion; `after_step` is called after every step.
-
-        Raises mpm.SimulationDiverged, RobotDiverged or DriverFault.
-        """
+        """Simulate; `after_step` follows every step. Raises mpm.SimulationDiverged, RobotDiverged or DriverFault."""
         begin = clock.perf_counter()
         self.solver.compile()
         self.timings["compile"] = clock.perf_counter() - begin
@@ -208,10 +196,7 @@ class RehearsalRun:
         self._record_grains(index)
 
     def save_last_good_state(self, path: Path) -> None:
-        """Write the last stored state, whose numbers were finite.
-
-        It holds the grains, and joint positions and velocities.
-        """
+        """Write the last stored grains, joint positions and velocities whose numbers were finite."""
         np.savez_compressed(path, **self._last_good_state)  # pyright: ignore[reportArgumentType]
 
     def _command_fingers(self) -> None:
@@ -247,19 +232,16 @@ class RehearsalRun:
     def _record_grains(self, index: int) -> None:
         """Record what needs all grains, where the step's index is a multiple of its interval."""
         if index % GRAIN_SAMPLE_INTERVAL == 0:
-            self.readings.grains.append(self._sample_grains())
+            positions = self.solver.positions()
+            mass = self._grain_mass * int(self.is_held(positions).sum())
+            lost = int(is_at_border(positions, self.solver.grid).sum())
+            self.readings.grains.append(GrainSample(self.time, mass, lost, float(self.solver.awake.mean())))
         if self.scooped is None and self.time >= self._weighing_end:
-            self.scooped = is_in_tool(self.config.tool, self.solver.positions(), self.cell.tool_pose())
+            self.scooped = self.is_held(self.solver.positions())
         if index % ENERGY_SAMPLE_INTERVAL == 0:
             self.readings.energies.append(EnergySample(self.time, *self.solver.energy()))
         if index % STATE_INTERVAL == 0:
             self._store_state()
-
-    def _sample_grains(self) -> GrainSample:
-        positions = self.solver.positions()
-        mass = self._grain_mass * is_in_tool(self.config.tool, positions, self.cell.tool_pose()).sum()
-        return GrainSample(self.time, float(mass), int(is_at_border(positions, self.solver.grid).sum()),
-                           float(self.solver.awake.mean()))
 
     def _store_state(self) -> None:
         data = self.cell.data

@@ -1,8 +1,11 @@
 """A rehearsal from its file to its results: check everything, run, write everything."""
 
 import contextlib
+import shutil
 import sys
+import tempfile
 import time as clock
+import weakref
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,18 +16,19 @@ from robosim.base.progress import Progress
 from robosim.cell.dosing_stage import check_target, make_dose_controller
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.table import validate
 from robosim.conversion.joint_log import JointLog
 from robosim.episode.film import CLOSE, FilmStyle, check_colour, find_camera, try_film
 from robosim.planning.learned_motions import place_target
 from robosim.planning.lip_motion import make_lip_motion
-from robosim.planning.plan import plan_motion
+from robosim.planning.plan import Plan, plan_motion
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
+from robosim.rehearsal.comparison import OPPOSITE
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.page import make_page
+from robosim.rehearsal.recorded_motion import RecordedMotion, read_log
 from robosim.rehearsal.recorder import RunReadings, finish_recording, make_recorder
-from robosim.rehearsal.replay.comparison import OPPOSITE
-from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
 from robosim.rehearsal.result import MISSED_TRAJECTORY, RESULTS, TRAJECTORY, Result
 from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.assembly import check_payload
@@ -39,22 +43,16 @@ PRINTED = {
     "wrist_payload_relative_error": ("error of the load weighed at the wrist", "{:.2%}"),
     "momentum_residual": ("momentum unaccounted for, of what was exchanged", "{:.1e}"),
     "realtime_factor": ("simulated seconds per second", "{:.3f}"),
-}
-"""Figure of the report -> its name and form on the console."""
-DOSED = {
     "dose_target_kg": ("target of the dose", "{:.5f} kg"), "dose_kg": ("dosed", "{:.5f} kg"),
     "dose_error_kg": ("error of the dose", "{:+.5f} kg"), "dose_grain_mass_kg": ("mass of a grain", "{:.5f} kg"),
     "dosing_time_s": ("time of the dose", "{:.2f} s"),
-}
-"""The same of a dose."""
-REPLAYED = {
     "recorded_clock_offset_s": ("recorded time at which the motion starts", "{:.3f} s"),
     "recorded_joint_difference_max_deg": ("recorded from planned joint angles, at most", "{:.3f} deg"),
     "recorded_tool_difference_max_m": ("recorded from planned place of the tool, at most", "{:.4f} m"),
     "recorded_force_difference_rms_N": ("recorded from simulated wrist force, rms", "{:.3f} N"),
     "recorded_torque_difference_rms_Nm": ("recorded from simulated wrist torque, rms", "{:.4f} N m"),
 }
-"""The same of a recording's."""
+"""Figure of the report -> its name and form on the console; those of a dose or a recording only where there is one."""
 
 
 class RunOptions(NamedTuple):
@@ -77,6 +75,48 @@ class RunOptions(NamedTuple):
 
 AS_PLANNED = RunOptions()
 """The plan, without a film."""
+
+
+class Rehearsal:
+    """A whole-arm rehearsal.
+
+    config: name of one of configs/rehearsals, path of a .yaml file, or a configuration. changes: keys of the file with
+    other values. Raises ConfigError, UnknownName before any work.
+    """
+
+    def __init__(self, config: str | Path | RehearsalConfig, **changes: Any) -> None:
+        if isinstance(config, RehearsalConfig):
+            config = validate(config.model_dump() | changes, Path("the configuration"), RehearsalConfig)
+        else:
+            config = load_rehearsal(str(config), changes)
+        self.config = check_config(config)
+
+    def plan(self) -> Plan:
+        """Plan the motion: tool path, postures, timing, clearances.
+
+        Raises ConfigError, UnreachableWaypoint for what cannot be performed, by the waypoint's name.
+        """
+        return plan_motion(self.config)
+
+    def run(self, *, out: str | Path | None = None, camera: str | None = None, seed: int = 0,
+            model_errors: int | None = None, driver: Any = None, frame_rate: float = FRAME_RATE,
+            **film: Any) -> Result:
+        """Simulate the planned motion with the grains.
+
+        out: folder of the files; None: a temporary one, until `Result.save`. camera: of the film, None for none; film:
+        height, colour, poster of it. seed: of the grains' initial positions. model_errors: seed of errors by which the
+        robot differs from its model. driver: a function or object of one's own that commands the joints in the plan's
+        place, see `robosim.cell.drivers.OwnDriver`; with a dose a controller of doses. frame_rate: of recording
+        and film [1/s]. Raises as `plan`, and mpm.SimulationDiverged, RobotDiverged, DriverFault; status.json then says
+        why.
+        """
+        folder = Path(tempfile.mkdtemp(prefix="rehearsal_") if out is None else out)
+        result = simulate(self.config, folder, RunOptions(
+            None if camera is None else FilmStyle(camera, **film), frame_rate, seed, model_errors=model_errors,
+            driver=driver))
+        if out is None:
+            weakref.finalize(result, shutil.rmtree, folder, ignore_errors=True)
+        return result
 
 
 def rehearse(name: str, out: Path, options: RunOptions = AS_PLANNED, *, force_export: bool = False,
@@ -117,7 +157,7 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
         folder.write_yaml("material.yaml", material.model_dump(mode="json"))
         with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
             run = _prepare(config, options, log)
-            stack.callback(_write_trajectory, run, folder)
+            stack.callback(lambda: run.readings.steps and folder.write("trajectory.csv", run.readings.write_csv))
             recorder = make_recorder(run, folder.path / RECORDING, options.frame_rate)
             stack.callback(finish_recording, run, recorder)
             try:
@@ -186,19 +226,13 @@ def _prepare(config: RehearsalConfig, options: RunOptions, log: JointLog | None)
     planned = clock.perf_counter()
     if plan.approach is None:
         print(f"no motion from home to the start: {plan.no_approach}", file=sys.stderr)
-    replay = None if log is None else make_replay(log, plan.motion, plan.arm, config)
+    replay = None if log is None else RecordedMotion(log, plan.motion, plan.arm, config)
     print("preparing grains and robot ...", file=sys.stderr)
     seed = options.model_errors
     errors = None if seed is None else draw_model_errors(seed, len(plan.arm.lower))
     run = RehearsalRun(plan, seed=options.seed, replay=replay, errors=errors, driver=options.driver)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run
-
-
-def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:
-    """Write the steps that were simulated."""
-    if run.readings.steps:
-        folder.write("trajectory.csv", run.readings.write_csv)
 
 
 def _simulate(run: RehearsalRun, recorder: SceneRecorder) -> None:
@@ -221,10 +255,8 @@ def _simulate(run: RehearsalRun, recorder: SceneRecorder) -> None:
 def _print(figures: dict, missed: list[str], folder: Path) -> None:
     """Print the main figures, and those that missed their bounds."""
     for key, (name, form) in PRINTED.items():
-        print(f"{name:46s} {'-' if figures[key] is None else form.format(figures[key])}")
-    for key, (name, form) in (DOSED | REPLAYED).items():
-        if figures.get(key) is not None:
-            print(f"{name:46s} {form.format(figures[key])}")
+        if key in figures:
+            print(f"{name:46s} {'-' if figures[key] is None else form.format(figures[key])}")
     if (figures.get("recorded_force_correlation") or 0.0) < OPPOSITE:
         print("the recorded force is opposite to the simulated one: is it that of the hand on the arm? Compared is the "
               "arm's on the hand")

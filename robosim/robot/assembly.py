@@ -119,19 +119,17 @@ def check_payload(assembly: Assembly) -> None:
                           f"{mass:.3g} kg; accepted: up to the payload of {assembly.robot.name}, {payload:g} kg")
 
 
-def add_wrist_sensor(spec: mujoco.MjSpec, assembly: Assembly) -> None:
-    """Add force and torque sensors between flange and hand; they measure in the axes of WRIST_SITE."""
+def add_sensors(spec: mujoco.MjSpec, assembly: Assembly) -> None:
+    """Add sensors of force and torque between flange and hand, in the axes of WRIST_SITE, and of torque to each joint.
+
+    Those of joints measure beyond motor, rotor and bearing friction; of slides they measure the force.
+    """
+    force, torque, site = (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE, mujoco.mjtObj.mjOBJ_SITE)
     spec.body(assembly.wrist).add_site(name=WRIST_SITE, group=4)
-    kinds = {"wrist_force": mujoco.mjtSensor.mjSENS_FORCE, "wrist_torque": mujoco.mjtSensor.mjSENS_TORQUE}
-    for name, kind in kinds.items():
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=WRIST_SITE)
-
-
-def add_torque_sensors(spec: mujoco.MjSpec, assembly: Assembly) -> None:
-    """Add a sensor of torque, or of force to slides, to each joint: beyond motor, rotor and bearing friction."""
+    for name, kind in (("wrist_force", force), ("wrist_torque", torque)):
+        spec.add_sensor(name=name, type=kind, objtype=site, objname=WRIST_SITE)
     for name in assembly.robot.joints:
-        kind = mujoco.mjtSensor.mjSENS_FORCE if name in assembly.robot.slides else mujoco.mjtSensor.mjSENS_TORQUE
-        body = spec.joint(name).parent
-        body.add_site(name=f"{name}_torque_site", pos=spec.joint(name).pos, group=4)
-        spec.add_sensor(name=f"{name}_torque", type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE,
-                        objname=f"{name}_torque_site")
+        joint, place = spec.joint(name), f"{name}_torque_site"
+        joint.parent.add_site(name=place, pos=joint.pos, group=4)
+        spec.add_sensor(name=f"{name}_torque", type=force if name in assembly.robot.slides else torque, objtype=site,
+                        objname=place)

@@ -6,14 +6,13 @@ from pathlib import Path
 import mujoco
 
 from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.resources import part_path
 from robosim.config.arm import GripperConfig
 from robosim.config.table import load
-from robosim.robot.mjspec import bundled_parts, find_part, locate_model, read_model
+from robosim.robot.mjspec import locate_model, read_model
 
 NONE = "none"
 """Name of no hand: the tool is bolted to the flange."""
-FILES = "grippers/*/hand.yaml"
-"""Of the bundled hands, below models/."""
 
 
 @dataclass(frozen=True)
@@ -34,19 +33,11 @@ class Hand:
     """Largest command beyond the fingers' present place, as a share of the way from open to closed."""
 
 
-def bundled_hands() -> list[str]:
-    """Return the names of the hands in models/grippers."""
-    return bundled_parts(FILES)
-
-
 def load_hand(name: str) -> Hand | None:
-    """Load a hand by name (models/grippers) or from a .yaml file of one's own; None for "none".
-
-    Raises ConfigError, UnknownName.
-    """
+    """Load a hand by name or from a .yaml file; None for "none"; raises ConfigError, UnknownName."""
     if name == NONE:
         return None
-    path = find_part("gripper", name, FILES, [NONE])
+    path = part_path("grippers", name, "gripper", NONE)
     return load_hand_model(load(path, GripperConfig), path.parent)
 
 

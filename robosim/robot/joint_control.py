@@ -54,11 +54,7 @@ class JointSmoother:
         self._time = state["time"]
 
     def step(self, q: np.ndarray, qd: np.ndarray) -> JointState:
-        """Advance by one step towards moving joint angles.
-
-        q [rad] (n,): the angles; qd [rad/s] (n,): their speeds. Raises RobotDiverged where no motion is within the
-        limits.
-        """
+        """Advance a step towards moving angles q [rad] (n,) with speeds qd [rad/s] (n,); raises RobotDiverged."""
         velocity = qd + CATCH_UP * (np.clip(q, self._lower, self._upper) - self._q)
         self._request.target_velocity = list(np.clip(velocity, -self._speed, self._speed))
         self._time += self._otg.delta_time
@@ -125,10 +121,7 @@ class TorqueSensors:
         self._addresses = np.array([model.sensor(f"{name}_torque").adr[0] for name in arm.joints])
 
     def read(self) -> np.ndarray:
-        """Read the torques [N m] (n,) on the links about their joints' axes.
-
-        As of the last step's begin.
-        """
+        """Read the torques [N m] (n,) on the links about their joints' axes. As of the last step's begin."""
         readings = self._data.sensordata[self._addresses[:, None] + np.arange(3)]
         return np.einsum("ij,ij->i", readings, self._axes)
 

@@ -4,7 +4,7 @@ import contextlib
 import os
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -13,7 +13,6 @@ import numpy as np
 
 from mpm import Pose
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.base.resources import folder
 
 MENAGERIE = "menagerie:"
 """Begin of the name of a model in a local copy of MuJoCo Menagerie."""
@@ -79,28 +78,6 @@ def find_in_menagerie(name: str) -> Path:
     if stem not in files:
         raise UnknownName(f"model of the Menagerie: {part}/FILE", stem, files)
     return root / part / f"{stem}.xml"
-
-
-def bundled_parts(place: str) -> list[str]:
-    """Return the names of parts below models/; place: pattern of their files, as robots/*/arm.yaml."""
-    return sorted(path.parent.name for path in folder("models").glob(place))
-
-
-def find_part(what: str, name: str, place: str, others: Sequence[str] = ()) -> Path:
-    """Return the file of a part by its name, or a .yaml file of one's own.
-
-    what: its key in a configuration; place: as of `bundled_parts`; others: names that are no files. Raises ConfigError,
-    UnknownName.
-    """
-    accepted = [*bundled_parts(place), *others]
-    if not name.endswith((".yaml", ".yml")):
-        if name not in accepted:
-            raise UnknownName(what, name, accepted, "or the path of a .yaml file of your own")
-        return folder("models") / place.replace("*", name)
-    if not Path(name).is_file():
-        raise ConfigError(f"{what} {name}: no such file; accepted: a .yaml file of your own, or one of "
-                          f"{', '.join(accepted)}")
-    return Path(name)
 
 
 @contextlib.contextmanager

@@ -96,10 +96,7 @@ class Arm:
         return whole
 
     def tool_placement(self, q: np.ndarray) -> pinocchio.SE3:
-        """Return the world pose of the tool's frame, without a copy.
-
-        It is a view of Pinocchio's data, which the next call overwrites.
-        """
+        """Return the world pose of the tool's frame, without a copy: the next call overwrites it."""
         pinocchio.forwardKinematics(self.model, self.data, self.full_configuration(q))
         return pinocchio.updateFramePlacement(self.model, self.data, self.frame)
 
@@ -107,6 +104,10 @@ class Arm:
         """Return the world pose of the tool's frame."""
         placement = self.tool_placement(q)
         return Pose.from_matrix(placement.translation, placement.rotation)
+
+    def margin(self, q: np.ndarray) -> float:
+        """Return the smallest distance [rad] of joint angles (..., n) [rad] to their limits."""
+        return float(np.minimum(q - self.lower, self.upper - q).min())
 
     def elbow_height(self, q: np.ndarray) -> float:
         """Return the height [m] of the joint in the middle of the arm above the base."""
@@ -127,34 +128,24 @@ class Arm:
         return float(np.linalg.norm(point - places[0])) - length
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """Return the Jacobian (6, n) of the tool's twist in the tool's own axes.
-
-        Its first three rows are linear.
-        """
+        """Return the Jacobian (6, n) of the tool's twist in the tool's own axes. Its first three rows are linear."""
         whole = self.full_configuration(q)
         J = pinocchio.computeFrameJacobian(self.model, self.data, whole, self.frame, pinocchio.LOCAL)
         return J[:, self.v_index]
 
     def rigid_torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Compute torques [N m] (n,) on the links' side of the joints.
-
-        Inertia, Coriolis and gravity terms; without armature and joint friction.
-        """
-        v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)
-        v[self.v_index], a[self.v_index] = qd, qdd
-        tau = pinocchio.rnea(self.model, self.data, self.full_configuration(q), v, a)[self.v_index]
-        return tau - self.model.armature[self.v_index] * qdd
+        """Compute torques [N m] (n,) on the links' side of the joints, without armature and joint friction."""
+        return self._rnea(q, qd, qdd) - self.model.armature[self.v_index] * qdd
 
     def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Compute the motor torques [N m] (n,) of a motion.
+        """Compute the motor torques [N m] (n,) of a motion, with armature, viscous and dry friction."""
+        # dry friction changes its sign over 0.01 rad/s, or the command would chatter at rest
+        return self._rnea(q, qd, qdd) + self._damping * qd + self._friction * np.tanh(qd / 0.01)
 
-        Inertia, armature, Coriolis, gravity, viscous and dry friction terms.
-        """
+    def _rnea(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)
         v[self.v_index], a[self.v_index] = qd, qdd
-        tau = pinocchio.rnea(self.model, self.data, self.full_configuration(q), v, a)[self.v_index]
-        # dry friction changes its sign over 0.01 rad/s, or the command would chatter at rest
-        return tau + self._damping * qd + self._friction * np.tanh(qd / 0.01)
+        return pinocchio.rnea(self.model, self.data, self.full_configuration(q), v, a)[self.v_index]
 
 
 def _format(values: np.ndarray) -> str:

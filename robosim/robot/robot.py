@@ -5,6 +5,7 @@ model nor the configuration says is an error, or an assumption that is named in 
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,10 @@ from scipy.spatial.transform import Rotation
 from mpm import Pose
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.input_files import read_text
-from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig, BasePose
+from robosim.base.resources import part_path
+from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig
 from robosim.config.table import load
-from robosim.robot.mjspec import bundled_parts, find_part, locate_model, read_model
+from robosim.robot.mjspec import locate_model, read_model
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
 """Times [s] in which a joint is assumed to reach its largest speed, and its largest acceleration."""
@@ -26,8 +28,6 @@ STIFFNESS, DAMPING = 30.0, 0.02
 """Assumed stiffness per torque limit [1/rad], and damping per stiffness [s]: about those of the iiwa's controller."""
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 CONFIGURED, ASSUMED = "configuration", "assumed"
-FILES = "robots/*/arm.yaml"
-"""Of the bundled arms, below models/."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +72,9 @@ class Robot:
     """Joints that slide: their values are in metres and newtons."""
 
 
-def bundled_arms() -> list[str]:
-    """Return the names of the arms in models/robots."""
-    return bundled_parts(FILES)
-
-
 def load_arm(name: str) -> Robot:
     """Load an arm by name (models/robots) or from a .yaml file of one's own; raises ConfigError, UnknownName."""
-    path = find_part("robot", name, FILES)
+    path = part_path("robots", name, "robot")
     return load_robot_model(load(path, ArmConfig), path.parent)
 
 
@@ -91,18 +86,17 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     """
     path = locate_model(config.model, place)
     spec = read_model(path)
-    flange, bodies = find_flange(spec, config.flange, path)
-    place_flange(spec, bodies[-1], flange, config.mount_turn_deg)
+    bodies = place_flange(spec, config.flange, config.mount_turn_deg, path)
     joints = [joint for body in bodies for joint in body.joints]
     check_chain(bodies, joints, path)
-    name_joints(joints)
+    for number, joint in enumerate(joints, 1):
+        joint.name = joint.name or f"joint_{number}"
     names = tuple(joint.name for joint in joints)
     model = spec.copy().compile()
     limits, sources = collect_limits(model, names, config, path)
     write_limits(spec, joints, limits)
-    replace_actuators(spec, names, limits["torque"])
-    middle = (limits["lower"] + limits["upper"]) / 2.0
-    home = middle if config.home_deg is None else to_si(joints, config.home_deg, "home_deg", path)
+    types, middle = [joint.type for joint in joints], (limits["lower"] + limits["upper"]) / 2.0
+    home = middle if config.home_deg is None else to_si(names, types, config.home_deg, "home_deg", path)
     if np.any(home < limits["lower"]) or np.any(home > limits["upper"]):
         k = int(np.argmax(np.maximum(limits["lower"] - home, home - limits["upper"])))
         raise ConfigError(f"{path}: home_deg: joint {names[k]} = {home[k]:.4g}; accepted: {limits['lower'][k]:.4g} to "
@@ -112,20 +106,20 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     sources["servo"] = ASSUMED if servo is None else CONFIGURED
     stiffness = STIFFNESS * limits["torque"] if servo is None else per_joint(names, servo.stiffness, "stiffness", path)
     damping = DAMPING * stiffness if servo is None else per_joint(names, servo.damping, "damping", path)
-    return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=read_stand(config.base), flange=flange,
-                 joints=names, home=home, gripper=locate_hand(config.gripper, place), standoff=config.standoff,
+    gripper = config.gripper  # a file's path is relative to that folder
+    if gripper.endswith((".yaml", ".yml")):
+        gripper = str((place / gripper).resolve())
+    return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=config.base.pose, flange=config.flange,
+                 joints=names, home=home, gripper=gripper, standoff=config.standoff,
                  stiffness=stiffness, damping=damping, payload=config.payload, sources=sources, touching=touching,
                  slides=tuple(joint.name for joint in joints if joint.type == SLIDE), **limits)
 
 
-def read_stand(base: BasePose) -> Pose:
-    """Return the world pose of an arm's base."""
-    turn = Rotation.from_euler("xyz", base.rotation_deg, degrees=True)
-    return Pose(np.array(base.position), turn.as_quat(scalar_first=True))
+def place_flange(spec: mujoco.MjSpec, name: str, angle_deg: float, path: Path) -> list[Any]:
+    """Give a flange a site of its body itself, turned about its z; returns the bodies from the base on to it.
 
-
-def find_flange(spec: mujoco.MjSpec, name: str, path: Path) -> tuple[str, list[Any]]:
-    """Return the flange's site, made at a body of that name if there is none, and its bodies from the base on."""
+    The flange may be a site, however the file places it, or a body; raises UnknownName for neither.
+    """
     site = next((site for site in spec.sites if site.name == name), None)
     body = site.parent if site is not None else next((b for b in spec.bodies if b.name == name), None)
     if body is None:
@@ -134,19 +128,15 @@ def find_flange(spec: mujoco.MjSpec, name: str, path: Path) -> tuple[str, list[A
         raise UnknownName(f"{path}: flange", name, names)
     if site is None:
         body.add_site(name=name, group=4)
+    compiled = spec.copy().compile().site(name)
+    turn = Rotation.from_quat(compiled.quat, scalar_first=True) * Rotation.from_euler("z", angle_deg, True)
+    spec.delete(spec.site(name))
+    body.add_site(name=name, pos=compiled.pos, quat=turn.as_quat(scalar_first=True), group=4)
     chain = []
     while body.parent is not None and body.name != "world":
         chain.append(body)
         body = body.parent
-    return name, chain[::-1]
-
-
-def place_flange(spec: mujoco.MjSpec, body: Any, name: str, angle_deg: float) -> None:
-    """Replace the flange's site by one of its body itself, turned about its z, however the file places it."""
-    site = spec.copy().compile().site(name)
-    turn = Rotation.from_quat(site.quat, scalar_first=True) * Rotation.from_euler("z", angle_deg, True)
-    spec.delete(spec.site(name))
-    body.add_site(name=name, pos=site.pos, quat=turn.as_quat(scalar_first=True), group=4)
+    return chain[::-1]
 
 
 def exclude_contacts(spec: mujoco.MjSpec, bodies: list[Any], names: tuple[str, ...],
@@ -172,16 +162,19 @@ def exclude_contacts(spec: mujoco.MjSpec, bodies: list[Any], names: tuple[str, .
 
 
 def write_limits(spec: mujoco.MjSpec, joints: list[Any], limits: dict[str, np.ndarray]) -> None:
-    """Give the model the ranges and torques that planner and servo keep to."""
+    """Give the joints the ranges that planner and servo keep to, and torque motors in the place of their actuators."""
+    names = [joint.name for joint in joints]
+    for actuator in list(spec.actuators):
+        if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target in names:
+            spec.delete(actuator)
     for joint, lower, upper, most in zip(joints, limits["lower"], limits["upper"], limits["torque"]):
         unit = np.degrees(1.0) if spec.compiler.degree and joint.type == HINGE else 1.0
         joint.range, joint.limited = [lower * unit, upper * unit], True
         joint.actfrcrange, joint.actfrclimited = [-most, most], True
-
-
-def locate_hand(name: str, place: Path) -> str:
-    """Return the name of a hand, or its file's path, which is relative to a folder."""
-    return str((place / name).resolve()) if name.endswith((".yaml", ".yml")) else name
+        motor = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.set_to_motor()
+        motor.ctrllimited = motor.forcelimited = True
+        motor.ctrlrange = motor.forcerange = [-most, most]
 
 
 def check_chain(bodies: list[Any], joints: list[Any], path: Path) -> None:
@@ -202,58 +195,48 @@ def check_chain(bodies: list[Any], joints: list[Any], path: Path) -> None:
                           f"{', '.join(joint.name for joint in joints)}); accepted: {LEAST_JOINTS} to {MOST_JOINTS}")
 
 
-def name_joints(joints: list[Any]) -> None:
-    """Name joints that have no name."""
-    for number, joint in enumerate(joints, 1):
-        joint.name = joint.name or f"joint_{number}"
-
-
 def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmConfig,
                    path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return the limits of joints and the source of each."""
-    given, sources = config.limits, {}
+    given, sources = config.limits, {"range": "model"}
     index = [model.joint(name).id for name in names]
-    is_limited = model.jnt_limited[index].astype(bool)
-    lower, upper = model.jnt_range[index].T
-    sources["range"] = "model"
-    types = [mujoco.mjtJoint(model.jnt_type[k]) for k in index]
-    for end, values in (("lower_deg", given.lower_deg), ("upper_deg", given.upper_deg)):
-        if values is not None:
-            converted = to_si(types, values, end, path)
-            lower, upper = (converted, upper) if end == "lower_deg" else (lower, converted)
-            sources["range"] = CONFIGURED
-    if not is_limited.all() and (given.lower_deg is None or given.upper_deg is None):
-        missing = [name for name, known in zip(names, is_limited) if not known]
+    ends = dict(zip(("lower_deg", "upper_deg"), model.jnt_range[index].T))
+    for end in ends:
+        if (values := getattr(given, end)) is not None:
+            ends[end], sources["range"] = to_si(names, model.jnt_type[index], values, end, path), CONFIGURED
+    lower, upper = ends.values()
+    if not model.jnt_limited[index].all() and (given.lower_deg is None or given.upper_deg is None):
+        missing = [name for name, is_known in zip(names, model.jnt_limited[index]) if not is_known]
         raise ConfigError(f"{path}: joint {missing[0]} has no range; accepted: one in the model, or limits.lower_deg "
                           f"and limits.upper_deg")
     if np.any(lower >= upper):
         k = int(np.argmax(lower >= upper))
         raise ConfigError(f"{path}: joint {names[k]} ranges from {lower[k]:.4g} to {upper[k]:.4g}; accepted: from less "
                           f"to more")
-    torque, sources["torque"] = read_torques(model, index), "model"
-    if given.torque is not None:
-        torque, sources["torque"] = per_joint(names, given.torque, "torque", path), CONFIGURED
+
+    def choose(key: str, other: Any, source: str) -> Any:
+        """The configured values, or those of another source."""
+        own = getattr(given, key)
+        sources[key] = source if own is None else CONFIGURED
+        return other if own is None else per_joint(names, own, key, path)
+
+    torque = choose("torque", read_torques(model, index), "model")
     if np.isnan(torque).any():
         raise ConfigError(f"{path}: joint {names[int(np.argmax(np.isnan(torque)))]} has no torque limit; accepted: "
                           f"actuatorfrcrange or an actuator's forcerange in the model, or limits.torque")
-    velocity, sources["velocity"] = read_velocities(path, names), "model"
-    if given.velocity is not None:
-        velocity, sources["velocity"] = per_joint(names, given.velocity, "velocity", path), CONFIGURED
+    velocity = choose("velocity", read_velocities(path, names), "model")
     if velocity is None:
         raise ConfigError(f"{path}: no speed limits, which MJCF has no element for; accepted: limits.velocity, a value "
                           f"for each of {', '.join(names)}")
-    acceleration, jerk = velocity / TO_FULL_SPEED, velocity / (TO_FULL_SPEED * TO_FULL_ACCELERATION)
-    sources["acceleration"] = sources["jerk"] = ASSUMED
-    if given.acceleration is not None:
-        acceleration, sources["acceleration"] = per_joint(names, given.acceleration, "acceleration", path), CONFIGURED
-        jerk = acceleration / TO_FULL_ACCELERATION
-    if given.jerk is not None:
-        jerk, sources["jerk"] = per_joint(names, given.jerk, "jerk", path), CONFIGURED
-    stepwise = {f"step_{key}": value if own is None else per_joint(names, own, f"stepwise.{key}", path)
-                for key, value, own in (("acceleration", acceleration, config.stepwise.acceleration),
-                                        ("jerk", jerk, config.stepwise.jerk))}
-    return {"lower": lower, "upper": upper, "torque": torque, "velocity": velocity, "acceleration": acceleration,
-            "jerk": jerk, **stepwise}, sources
+    acceleration = choose("acceleration", velocity / TO_FULL_SPEED, ASSUMED)
+    jerk = choose("jerk", velocity / (TO_FULL_SPEED * TO_FULL_ACCELERATION) if given.acceleration is None else
+                  acceleration / TO_FULL_ACCELERATION, ASSUMED)
+    limits = {"lower": lower, "upper": upper, "torque": torque, "velocity": velocity, "acceleration": acceleration,
+              "jerk": jerk}
+    for key in ("acceleration", "jerk"):
+        own = getattr(config.stepwise, key)
+        limits[f"step_{key}"] = limits[key] if own is None else per_joint(names, own, f"stepwise.{key}", path)
+    return limits, sources
 
 
 def read_torques(model: mujoco.MjModel, joints: list[int]) -> np.ndarray:
@@ -282,18 +265,6 @@ def read_velocities(path: Path, names: tuple[str, ...]) -> np.ndarray | None:
     return np.array([float(found[name] or 0.0) for name in names])
 
 
-def replace_actuators(spec: mujoco.MjSpec, names: tuple[str, ...], torque: np.ndarray) -> None:
-    """Put a torque motor at each joint in the place of the actuators that drive it."""
-    for actuator in list(spec.actuators):
-        if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target in names:
-            spec.delete(actuator)
-    for name, most in zip(names, torque):
-        motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.set_to_motor()
-        motor.ctrllimited = motor.forcelimited = True
-        motor.ctrlrange = motor.forcerange = [-most, most]
-
-
 def per_joint(names: tuple[str, ...], values: tuple[float, ...], key: str, path: Path | str) -> np.ndarray:
     """Return values as an array; raises ConfigError unless there is one for each joint."""
     if len(values) != len(names):
@@ -301,9 +272,7 @@ def per_joint(names: tuple[str, ...], values: tuple[float, ...], key: str, path:
     return np.array(values, float)
 
 
-def to_si(joints: list[Any], values: tuple[float, ...], key: str, path: Path) -> np.ndarray:
-    """Return angles in rad, and places of joints that slide in m; joints: of a model, or their types."""
-    types = [getattr(joint, "type", joint) for joint in joints]
-    if len(values) != len(types):
-        raise ConfigError(f"{path}: {key} has {len(values)} values; accepted: {len(types)}, one for each joint")
-    return np.array([value * 1e-3 if kind == SLIDE else np.radians(value) for value, kind in zip(values, types)])
+def to_si(names: tuple[str, ...], types: Iterable[int], values: tuple[float, ...], key: str, path: Path) -> np.ndarray:
+    """Return angles in rad, and places of joints that slide in m."""
+    return np.array([value * 1e-3 if kind == SLIDE else np.radians(value)
+                     for value, kind in zip(per_joint(names, values, key, path), types)])

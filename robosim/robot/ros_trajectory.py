@@ -25,9 +25,12 @@ def make_joint_trajectory(motion: JointMotion, joints: Sequence[str], names: Joi
     names = names or JointTrajectoryConfig()
     joint_names = name_joints(joints, names)
     times = start + np.linspace(0.0, motion.duration, int(np.ceil(motion.duration / POINT_INTERVAL)) + 1)
-    points = [_make_point(motion, time, start) for time in ([0.0] if start > 0.0 else []) + times.tolist()]
-    return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": names.frame_id}, "joint_names": joint_names,
-            "points": points}
+    points = []
+    for time in ([0.0] if start > 0.0 else []) + times.tolist():
+        state = motion.state(time - start)
+        points.append({"positions": _round(state.q), "velocities": _round(state.qd), "accelerations": _round(state.qdd),
+                       "time_from_start": _split(time)})
+    return {"header": {"stamp": _split(0.0), "frame_id": names.frame_id}, "joint_names": joint_names, "points": points}
 
 
 def make_gripper_commands(hand: Hand, changes: Sequence[tuple[float, bool]]) -> dict:
@@ -38,14 +41,11 @@ def make_gripper_commands(hand: Hand, changes: Sequence[tuple[float, bool]]) -> 
     """
     return {"actuator_names": list(hand.open),
             "points": [{"positions": list((hand.closed if is_closed else hand.open).values()),
-                        "time_from_start": _split(round(time * 1e9))} for time, is_closed in changes]}
+                        "time_from_start": _split(time)} for time, is_closed in changes]}
 
 
 def name_joints(joints: Sequence[str], names: JointTrajectoryConfig) -> list[str]:
-    """Name an arm's joints for a controller, in order from the base.
-
-    Raises UnknownName for a joint that the arm does not have, ConfigError where two joints get one name.
-    """
+    """Name an arm's joints, from the base on, for a controller; raises UnknownName, ConfigError for one name of two."""
     for joint in names.joint_names:
         if joint not in joints:
             raise UnknownName("joint_trajectory.joint_names: joint", joint, joints)
@@ -56,15 +56,9 @@ def name_joints(joints: Sequence[str], names: JointTrajectoryConfig) -> list[str
     return chosen
 
 
-def _make_point(motion: JointMotion, time: float, start: float) -> dict:
-    """Make the point at a time [s], of a motion that begins at `start` [s]."""
-    state = motion.state(time - start)
-    return {"positions": _round(state.q), "velocities": _round(state.qd), "accelerations": _round(state.qdd),
-            "time_from_start": _split(round(time * 1e9))}
-
-
-def _split(nanoseconds: int) -> dict[str, int]:
-    """Return a time as ROS has it."""
+def _split(time: float) -> dict[str, int]:
+    """Return a time [s] as ROS has it."""
+    nanoseconds = round(time * 1e9)
     return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from ruckig import InputParameter, Ruckig, RuckigError, Trajectory
@@ -17,11 +17,6 @@ JERK_BISECTIONS = 14
 """Steps in the search for the smoothest motion between two knots: leaves 0.1 % on the jerk."""
 MAX_DELAY = 0.01
 """[s] by which limits may delay a motion; above, it is refused, because waypoints' times would no longer hold."""
-
-
-def _find_nearest(waypoint_times: dict[str, float], time: float) -> str:
-    """Name of the waypoint that is passed closest to a time [s]."""
-    return min(waypoint_times, key=lambda w: abs(waypoint_times[w] - time))
 
 
 class JointState(NamedTuple):
@@ -45,6 +40,11 @@ class JointMotion(Protocol):
         ...
 
 
+def find_nearest(passages: dict[str, float], time: float) -> str:
+    """Return the name of the waypoint that is passed closest to a time [s]; passages: waypoint -> time [s]."""
+    return min(passages, key=lambda waypoint: abs(passages[waypoint] - time))
+
+
 def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: MotionLimits) -> np.ndarray:
     """Compute the factors (n,) on time that put a motion at its limits.
 
@@ -56,10 +56,41 @@ def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: MotionLimits) -
     return np.max(shares, axis=0)
 
 
-class StraightMotion:
+def plan_trajectory(a: JointState, b: JointState, limits: MotionLimits,
+                    duration: float | None = None) -> Trajectory | None:
+    """Plan Ruckig's motion from a state (n,) to another, in no less than `duration` [s]; None where it finds none."""
+    request, trajectory = InputParameter(len(a.q)), Trajectory(len(a.q))
+    request.current_position, request.current_velocity, request.current_acceleration = map(list, a)
+    request.target_position, request.target_velocity, request.target_acceleration = map(list, b)
+    request.max_velocity, request.max_acceleration, request.max_jerk = map(list, limits)
+    request.minimum_duration = duration
+    try:
+        Ruckig(len(a.q)).calculate(request, trajectory)
+    except RuckigError:
+        return None
+    return trajectory
+
+
+class _Segments:
+    """Ruckig's trajectories one after the other."""
+
+    def __init__(self, segments: list[Trajectory]) -> None:
+        self._segments = segments
+        self._starts = np.concatenate([[0.0], np.cumsum([segment.duration for segment in segments])])
+        self.duration = float(self._starts[-1])
+        """[s]"""
+
+    def _find(self, time: float) -> tuple[int, Any]:
+        """Number of the segment at a time [s], and the place, speed and acceleration in it."""
+        time = min(max(time, 0.0), self.duration)
+        k = min(int(np.searchsorted(self._starts, time, side="right")) - 1, len(self._segments) - 1)
+        return k, self._segments[k].at_time(time - self._starts[k])
+
+
+class StraightMotion(_Segments):
     """Motion straight from corner to corner in joint space, at rest in each of them, within limits.
 
-    corners (k, n) [rad]. Ruckig times the way along each straight line, as a single coordinate.
+    corners (k, n) [rad]. Ruckig times the way along each straight line, as a single coordinate from 0 to 1.
     """
 
     delay = 0.0
@@ -67,32 +98,20 @@ class StraightMotion:
 
     def __init__(self, corners: np.ndarray, limits: MotionLimits) -> None:
         self.corners = corners
-        self._legs = [self._time_leg(b - a, limits) for a, b in pairwise(corners)]
-        self._starts = np.concatenate([[0.0], np.cumsum([leg.duration for leg in self._legs])])
-        self.duration = float(self._starts[-1])
-        """[s]"""
-
-    @staticmethod
-    def _time_leg(way: np.ndarray, limits: MotionLimits) -> Trajectory:
-        """Time the share from 0 to 1 of a straight way (n,) [rad]."""
-        request = InputParameter(1)
-        request.current_position, request.target_position = [0.0], [1.0]
-        most = [float((limit / np.maximum(np.abs(way), 1e-12)).min()) for limit in limits]
-        request.max_velocity, request.max_acceleration, request.max_jerk = ([value] for value in most)
-        trajectory = Trajectory(1)
-        Ruckig(1).calculate(request, trajectory)
-        return trajectory
+        begin, end = (JointState(np.array([place]), np.zeros(1), np.zeros(1)) for place in (0.0, 1.0))
+        segments = [plan_trajectory(begin, end, MotionLimits(*(
+            np.array([(limit / np.maximum(np.abs(b - a), 1e-12)).min()]) for limit in limits)))
+            for a, b in pairwise(corners)]
+        super().__init__(segments)  # pyright: ignore[reportArgumentType]  (there is one between places at rest)
 
     def state(self, time: float) -> JointState:
         """Return the joint state at a time [s] since the start; at rest before and after it."""
-        time = min(max(time, 0.0), self.duration)
-        k = min(int(np.searchsorted(self._starts, time, side="right")) - 1, len(self._legs) - 1)
-        (share,), (speed,), (acceleration,) = self._legs[k].at_time(time - self._starts[k])
+        k, ((share,), (speed,), (acceleration,)) = self._find(time)
         way = self.corners[k + 1] - self.corners[k]
         return JointState(self.corners[k] + share * way, speed * way, acceleration * way)
 
 
-class SmoothMotion:
+class SmoothMotion(_Segments):
     """Joint motion through samples of a path, within the joints' limits.
 
     times (n,) [s], q (n, joints) [rad]: the samples. Knots have the path's own speed and acceleration, so the motion
@@ -101,10 +120,8 @@ class SmoothMotion:
     path exceeds a limit, or the delay exceeds MAX_DELAY.
     """
 
-    def __init__(
-        self, times: np.ndarray, q: np.ndarray, limits: MotionLimits, waypoint_times: dict[str, float],
-        joints: Sequence[str]
-    ) -> None:
+    def __init__(self, times: np.ndarray, q: np.ndarray, limits: MotionLimits, waypoint_times: dict[str, float],
+                 joints: Sequence[str]) -> None:
         spline = make_interp_spline(times, q, k=5)
         speed, acceleration = spline.derivative(1), spline.derivative(2)
         n = max(int(np.ceil((times[-1] - times[0]) / KNOT_SPACING)), 1)
@@ -114,16 +131,13 @@ class SmoothMotion:
         states[0], states[-1] = JointState(states[0].q, rest, rest), JointState(states[-1].q, rest, rest)
         self._limits, self._joints = limits, tuple(joints)
         self._check(knots, states, waypoint_times)
-        self._segments = [self._plan_segment(a, b, float(t1 - t0)) for a, b, t0, t1 in
-                          zip(states, states[1:], knots, knots[1:])]
-        self._starts = np.concatenate([[0.0], np.cumsum([s.duration for s in self._segments])])
-        self.duration = float(self._starts[-1])
-        """[s]"""
+        super().__init__([self._plan_segment(a, b, float(t1 - t0)) for a, b, t0, t1 in
+                          zip(states, states[1:], knots, knots[1:])])
         self.delay = self.duration - float(times[-1] - times[0])
         """Time [s] by which the limits delay the motion's end."""
         if self.delay > MAX_DELAY:
             slowest = int(np.argmax(np.diff(self._starts) - np.diff(knots)))
-            raise ConfigError(f"near waypoint {_find_nearest(waypoint_times, knots[slowest])!r} the jerk limits delay "
+            raise ConfigError(f"near waypoint {find_nearest(waypoint_times, knots[slowest])!r} the jerk limits delay "
                               f"the motion, by {self.delay:.3f} s in all; accepted: {MAX_DELAY} s; lower the speeds")
 
     def _check(self, knots: np.ndarray, states: list[JointState], waypoint_times: dict[str, float]) -> None:
@@ -136,7 +150,7 @@ class SmoothMotion:
             if ratio.max() > 1.0:
                 knot, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
                 raise ConfigError(
-                    f"near waypoint {_find_nearest(waypoint_times, knots[knot])!r} (t = {knots[knot]:.2f} s) "
+                    f"near waypoint {find_nearest(waypoint_times, knots[knot])!r} (t = {knots[knot]:.2f} s) "
                     f"joint {self._joints[joint]} would need a {quantity} of {abs(values[knot, joint]):.3f} {unit}; "
                     f"accepted: up to {limit[joint]:.3f} {unit}; lower the speeds there")
 
@@ -148,7 +162,7 @@ class SmoothMotion:
         limits = self._limits.jerk
         jerk = np.array([self._find_least_jerk(a, b, duration, joint) for joint in range(len(limits))])
         while True:
-            trajectory = self._plan(a, b, duration, jerk, range(len(limits)))
+            trajectory = plan_trajectory(a, b, self._limits._replace(jerk=jerk), duration)
             is_at_limit = np.all(jerk >= limits)
             if trajectory is not None and (trajectory.duration <= duration + 1e-9 or is_at_limit):
                 return trajectory
@@ -158,37 +172,19 @@ class SmoothMotion:
 
     def _find_least_jerk(self, a: JointState, b: JointState, duration: float, joint: int) -> float:
         """Find the smallest jerk limit [rad/s^3] with which one joint keeps the duration, by bisection."""
+        own = slice(joint, joint + 1)
+        begin, end = (JointState(*(values[own] for values in state)) for state in (a, b))
+        limits = MotionLimits(*(values[own] for values in self._limits))
         low, high = np.log(1e-3), np.log(self._limits.jerk[joint])
         for _ in range(JERK_BISECTIONS):
             middle = 0.5 * (low + high)
-            trajectory = self._plan(a, b, duration, np.full(len(self._joints), np.exp(middle)), [joint])
+            trajectory = plan_trajectory(begin, end, limits._replace(jerk=[np.exp(middle)]), duration)
             if trajectory is not None and trajectory.duration <= duration + 1e-9:
                 high = middle
             else:
                 low = middle
         return float(np.exp(high))
 
-    def _plan(self, a: JointState, b: JointState, duration: float, jerk: np.ndarray,
-              joints: Sequence[int]) -> Trajectory | None:
-        """Plan Ruckig's motion of some joints; None where it finds none."""
-        n, chosen = len(joints), list(joints)
-        request = InputParameter(n)
-        request.current_position, request.target_position = list(a.q[chosen]), list(b.q[chosen])
-        request.current_velocity, request.target_velocity = list(a.qd[chosen]), list(b.qd[chosen])
-        request.current_acceleration, request.target_acceleration = list(a.qdd[chosen]), list(b.qdd[chosen])
-        request.max_velocity = list(self._limits.velocity[chosen])
-        request.max_acceleration = list(self._limits.acceleration[chosen])
-        request.max_jerk = list(jerk[chosen])
-        request.minimum_duration = duration
-        trajectory = Trajectory(n)
-        try:
-            Ruckig(n).calculate(request, trajectory)
-        except RuckigError:
-            return None
-        return trajectory
-
     def state(self, time: float) -> JointState:
         """Return the joint state at a time [s] since the start; at rest before and after it."""
-        time = min(max(time, 0.0), self.duration)
-        i = min(int(np.searchsorted(self._starts, time, side="right")) - 1, len(self._segments) - 1)
-        return JointState(*map(np.array, self._segments[i].at_time(time - self._starts[i])))
+        return JointState(*map(np.array, self._find(time)[1]))

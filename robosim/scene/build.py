@@ -3,17 +3,14 @@
 from pathlib import Path
 
 import mujoco
-from scipy.spatial.transform import Rotation
 
 from mpm import Pose
 from robosim.config.arm import Grip
-from robosim.config.motion import APPROACH
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig
-from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, meet_heads
+from robosim.robot.assembly import Assembly, add_sensors, meet_heads
 from robosim.robot.mjspec import quiet_attachment, read_model
 from robosim.scene.compiled import Scene, compile_scene
-from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grasp import release_tool_joints
 from robosim.scene.models import assemble, load_container, load_spec
 
@@ -29,29 +26,20 @@ def assemble_rehearsal(config: RehearsalConfig) -> Assembly:
     return assemble(config.tool, config.robot, config.gripper, config.grip_turn_deg or 0.0, config.base)
 
 
-def compile_rehearsal(config: RehearsalConfig) -> Scene:
-    """Assemble and compile the whole rigid scene of a rehearsal."""
-    return compile_scene(build_rehearsal_spec(config), assemble_rehearsal(config))
+def compile_rehearsal(config: RehearsalConfig, assembly: Assembly | None = None) -> Scene:
+    """Assemble and compile the whole rigid scene of a rehearsal; assembly: of its robot, if that exists."""
+    assembly = assembly or assemble_rehearsal(config)
+    return compile_scene(build_rehearsal_spec(config, assembly), assembly)
 
 
-def build_rehearsal_spec(config: RehearsalConfig) -> mujoco.MjSpec:
-    """Assemble the whole rigid scene of a rehearsal, with its sensors."""
-    assembly = assemble_rehearsal(config)
+def build_rehearsal_spec(config: RehearsalConfig, assembly: Assembly) -> mujoco.MjSpec:
+    """Assemble the whole rigid scene of a rehearsal, with its sensors; assembly: of its robot."""
     workcell = read_workcell(config)
     spec = build_scene_spec(assembly, config.grasp, config.containers, config.host_dt,
                             contact="contact" in config.tool_container, workcell=workcell,
-                            stand=standing_pose(config))
-    add_wrist_sensor(spec, assembly)
-    add_torque_sensors(spec, assembly)
+                            stand=config.standing_pose)
+    add_sensors(spec, assembly)
     return spec
-
-
-def standing_pose(config: RehearsalConfig) -> Pose | None:
-    """Return the world pose at which a tool that is picked up stands; None where none is."""
-    if config.pick is None:
-        return None
-    first = next(waypoint for waypoint in config.waypoints if waypoint.name != APPROACH)
-    return waypoint_pose(first, config.containers)
 
 
 def read_workcell(config: RehearsalConfig) -> mujoco.MjSpec:
@@ -59,8 +47,7 @@ def read_workcell(config: RehearsalConfig) -> mujoco.MjSpec:
     own = config.workcell
     spec = load_spec("workcell", "workcell.xml") if own is None else read_model(Path(own))
     for obstacle in config.obstacles:
-        turn = Rotation.from_euler("xyz", obstacle.rotation_deg, degrees=True)
-        body = spec.worldbody.add_body(name=obstacle.name, pos=obstacle.position, quat=turn.as_quat(scalar_first=True))
+        body = spec.worldbody.add_body(name=obstacle.name, pos=obstacle.pose.position, quat=obstacle.pose.quaternion)
         radius, _, height = obstacle.half
         kind = mujoco.mjtGeom.mjGEOM_CYLINDER if obstacle.round else mujoco.mjtGeom.mjGEOM_BOX
         body.add_geom(name=obstacle.name, type=kind, size=(radius, height, 0.0) if obstacle.round else obstacle.half,
@@ -94,6 +81,6 @@ def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, Cont
 
 def add_container(spec: mujoco.MjSpec, name: str, container: ContainerConfig) -> None:
     """Add a container at its configured pose."""
-    pose = container_pose(container)
+    pose = container.pose
     frame = spec.worldbody.add_frame(pos=pose.position, quat=pose.quaternion)
     frame.attach_body(load_container(name, container).body(name), "", "")

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 import mpm
 from robosim.config.materials import Law
 from robosim.config.scene import ContainerConfig
-from robosim.scene.frames import container_pose
 from robosim.scene.grains import CONTAINER_SPACING, CONTAINER_WALL, fill_container, is_in_container
 from robosim.scene.models import container_shape
 from robosim.shapes.rigid_models import add_container_body
@@ -26,7 +25,7 @@ class Container:
     def __init__(self, name: str, **keys: object) -> None:
         self.name, self.config = name, ContainerConfig.model_validate(keys)
         self.shape = container_shape(name, self.config)
-        self.pose = container_pose(self.config)
+        self.pose = self.config.pose
         """Of its frame in the world."""
 
     @property

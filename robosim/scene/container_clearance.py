@@ -9,7 +9,6 @@ from mpm import Pose
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.scene.field import TOOL_SPACING
-from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import ToolShape, tool_shape
 
@@ -49,7 +48,7 @@ class ContainerSurface:
         for name, container in config.containers.items():
             walls = container_shape(name, container).walls()
             local = trimesh.sample.sample_surface(walls, POINTS_PER_CONTAINER, seed=0)[0]
-            points.append(container_pose(container).apply(local))
+            points.append(container.pose.apply(local))
         self._points = np.concatenate(points)
         self._points_f32 = np.ascontiguousarray(self._points.T, np.float32)
         """The same (3, n), for the selection of the few that lie in the tool's bounding box."""

@@ -17,7 +17,6 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig, FieldConfig
 from robosim.config.scene_config import SceneConfig
 from robosim.config.tool import ToolConfig
-from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grains import Filling, build_container_sdf, fill
 from robosim.scene.models import container_shape
 from robosim.shapes import ToolShape, tool_shape
@@ -135,11 +134,11 @@ def choose_region(config: RehearsalConfig) -> RehearsalConfig:
     """Return a configuration with a region of the grains: around places and motion where the file gives none."""
     if config.field.region_lower is not None:
         return config
-    points = [waypoint_pose(waypoint, config.containers).position for waypoint in config.waypoints]
+    points = [config.tool_pose(waypoint).position for waypoint in config.waypoints]
     for name, container in config.containers.items():
         low, high = container_shape(name, container).bounds
         corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-        points += list(container_pose(container).apply(corners))
+        points += list(container.pose.apply(corners))
     for place in filter(None, (config.pile, config.area)):
         points += [np.array(place.centre) - place.half, np.array(place.centre) + place.half]
     low, high = np.min(points, axis=0) - REGION_MARGIN, np.max(points, axis=0) + REGION_MARGIN
@@ -178,7 +177,7 @@ def build_container_colliders(scene: SceneConfig, *, static: bool = True) -> lis
         walls = container_shape(name, container).shell() if is_shell else build_container_sdf(name, container,
                                                                                               scene.field)
         colliders.append(mpm.Collider(walls, static=static and not is_shell, friction=scene.field.container_friction,
-                                      pose=container_pose(container)))
+                                      pose=container.pose))
     return colliders
 
 
@@ -242,7 +241,7 @@ def _check_region(config: RehearsalConfig) -> None:
         low, high = container_shape(name, container).bounds
         corners = np.array([[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])])
         try:
-            grid.check_inside(container_pose(container).apply(corners))
+            grid.check_inside(container.pose.apply(corners))
         except mpm.InvalidValue as error:
             raise ConfigError(f"field.region_lower, region_upper do not hold container {name!r}: {error}") from None
     if config.pile is not None:

@@ -11,7 +11,6 @@ from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig, FieldConfig
 from robosim.config.scene_config import SceneConfig
 from robosim.config.tool import ToolConfig
-from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import tool_shape
 from robosim.shapes.containers import BoxShape, ContainerShape
@@ -71,7 +70,7 @@ def _fill_to_height(scene: SceneConfig, tool: Lattice, tool_pose: mpm.Pose, rng:
             if not len(local):
                 raise ConfigError(f"containers.{name}: fill_height = {container.fill_height} m holds no grain; "
                                   f"accepted: more than a cell, {scene.field.cell} m")
-            places.append(container_pose(container).apply(local))
+            places.append(container.pose.apply(local))
             total += len(local) * volume
         return Filling(np.concatenate(places), total / sum(map(len, places)))
     if scene.pile is not None:
@@ -102,7 +101,7 @@ def _fill_with_count(scene: SceneConfig, count: int, tool: Lattice, tool_pose: m
         local = mpm.sample_box(low, upper, spacing, rng)
         if not isinstance(shape, BoxShape):  # the rounded edges of a box push out the few grains in them
             local = local[shape.between_walls(local)]
-        places = container_pose(container).apply(local)
+        places = container.pose.apply(local)
         keys = places[:, 2] - slope * (local[:, 0] - 0.5 * (low[0] + high[0]))
     elif scene.pile is not None:
         centre, half = np.array(scene.pile.centre), np.array(scene.pile.half)
@@ -177,7 +176,7 @@ def is_in_container(positions: np.ndarray, name: str, container: ContainerConfig
 
     positions [m] (n, 3). Returns (n,) bool.
     """
-    return container_shape(name, container).holds(container_pose(container).inverse().apply(positions))
+    return container_shape(name, container).holds(container.pose.inverse().apply(positions))
 
 
 def is_at_border(positions: np.ndarray, grid: mpm.Grid) -> np.ndarray:
@@ -192,4 +191,4 @@ def is_at_border(positions: np.ndarray, grid: mpm.Grid) -> np.ndarray:
 
 def container_region(name: str, container: ContainerConfig) -> tuple[mpm.Region, mpm.Pose]:
     """Return the region around what `is_in_container` counts, in the container's frame, and the pose of that frame."""
-    return container_shape(name, container).region, container_pose(container)
+    return container_shape(name, container).region, container.pose

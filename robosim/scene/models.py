@@ -17,7 +17,7 @@ from robosim.config.tool import ToolConfig, load_bundled
 from robosim.robot.assembly import Assembly, ToolModel
 from robosim.robot.hand import load_hand, load_hand_model
 from robosim.robot.mjspec import read_model
-from robosim.robot.robot import load_arm, load_robot_model, read_stand
+from robosim.robot.robot import load_arm, load_robot_model
 from robosim.shapes import tool_shape
 from robosim.shapes.containers import BoxShape, ContainerShape, RoundShape, read_container
 from robosim.shapes.rigid_models import build_container_spec, build_tool_spec
@@ -101,5 +101,5 @@ def assemble(tool: str | ToolConfig | None, robot: str | ArmConfig = "iiwa14",
     gripper = arm.gripper if gripper is None else gripper
     hand = load_hand(gripper) if isinstance(gripper, str) else load_hand_model(gripper, Path())
     if base is not None:
-        arm = replace(arm, stand=read_stand(base))
+        arm = replace(arm, stand=base.pose)
     return Assembly(arm, hand, None if tool is None else load_tool_model(tool), grip_turn_deg)

@@ -11,7 +11,6 @@ from mpm.observers.height_map import HeightMap, Raster
 from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig
 from robosim.randomization.draw import HOME
-from robosim.scene.frames import container_pose
 from robosim.scene.grains import grain_volume
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_count
@@ -69,7 +68,7 @@ def default_region(task: TaskConfig) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners [m] (2,) of the region around a task's container, or else its start and its target."""
     for name, container in task.containers.items():
         walls = container_shape(name, container).walls().vertices
-        corners = container_pose(container).apply(np.asarray(walls))[:, :2]
+        corners = container.pose.apply(np.asarray(walls))[:, :2]
         return corners.min(0) - MARGIN, corners.max(0) + MARGIN
     centre, half = np.array(task.target.centre)[:2], np.minimum(np.array(task.target.half)[:2], 0.5)
     start, own = np.array(task.start.position)[:2], np.linalg.norm(tool_shape(task.tool).interior.half[:2])
@@ -83,7 +82,7 @@ def floor_heights(task: TaskConfig, raster: Raster) -> np.ndarray:
     heights = np.zeros(raster.shape, np.float32)
     for name, container in task.containers.items():
         walls: trimesh.Trimesh = container_shape(name, container).walls()
-        triangles = container_pose(container).apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
+        triangles = container.pose.apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
         draw_from_above(triangles, raster, heights)
     return heights
 
@@ -114,7 +113,7 @@ class PlacedFloor:
 
     def _look_at(self, name: str, container: ContainerConfig) -> tuple[mpm.Pose, np.ndarray, np.ndarray]:
         """Return a frame at a container with a vertical z axis, the corner of a raster in it, and its heights."""
-        home = container_pose(container)
+        home = container.pose
         upright = mpm.Pose(home.position, mpm.Pose.identity().quaternion)
         walls = container_shape(name, container).walls()
         local = (upright.inverse() @ home).apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)

@@ -7,7 +7,6 @@ import numpy as np
 
 import mpm
 from robosim.instruments.balance import Balance
-from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_option
 from robosim.shapes import tool_shape
@@ -77,9 +76,9 @@ def weighed_region(task: TaskConfig) -> tuple[mpm.Region, mpm.Pose] | tuple[()]:
         receiver = task.containers[task.receiver]
         shape = container_shape(task.receiver, receiver)
         (x, y, z), (a, b, c) = shape.region.centre, shape.region.half
-        return mpm.Region((x, y, z - c + FAR), (a, b, FAR), shape.is_round), container_pose(receiver)
+        return mpm.Region((x, y, z - c + FAR), (a, b, FAR), shape.is_round), receiver.pose
     for name, container in task.containers.items():
-        return container_shape(name, container).region, container_pose(container)
+        return container_shape(name, container).region, container.pose
     if task.target.centre[2] - task.target.half[2] > 0.0:
         return ()
     return task.target.region, mpm.Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

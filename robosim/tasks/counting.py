@@ -7,7 +7,6 @@ import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.rewards.grains import Distance
 from robosim.rewards.term import find_term
-from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig
@@ -46,7 +45,7 @@ def container_points(task: TaskConfig) -> np.ndarray | None:
     for name in task.sources:
         container = task.containers[name]
         walls = container_shape(name, container).walls()
-        points = container_pose(container).apply(trimesh.sample.sample_surface(walls, WALL_POINTS, seed=0)[0])
+        points = container.pose.apply(trimesh.sample.sample_surface(walls, WALL_POINTS, seed=0)[0])
     return points
 
 

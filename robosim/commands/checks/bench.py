@@ -28,9 +28,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--yardsticks", type=Path,
                         help="field: folder with reference scripts that are timed in the same "
                         "run")
-    parser.add_number("--threads", default=1, help="field: number of CPU threads (default: 1)")
+    parser.add_number("--threads", default=1, help="field: number of CPU threads")
     parser.add_argument("--arch", choices=("cpu", "cuda"), default="cpu", help="field: processor (default: cpu)")
-    parser.add_argument("--out", type=Path, help="folder for bench.json, or bench_field.json")
+    parser.add_out("bench.json, or bench_field.json", is_required=False)
     parser.set_defaults(run=run)
 
 

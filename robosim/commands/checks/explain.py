@@ -27,10 +27,8 @@ def add_parser(commands: Any) -> None:
                         "the cheapest one whose results differ from those of the finest by at most this: absolute for "
                         "fractions, relative for masses and forces")
     parser.add_argument("--apply", action="store_true", help="write the scene's file with that setting to --out")
-    parser.add_number("--jobs", default=1,
-                        help="number of settings that run at the same time (default: 1)")
-    parser.add_argument("--out", type=Path, help="folder for index.html and explain.json; settings that are finished "
-                        "there are not repeated")
+    parser.add_number("--jobs", default=1, help="number of settings that run at the same time")
+    parser.add_out("index.html and explain.json; settings that are finished there are not repeated", is_required=False)
     parser.add_settings("task's or rehearsal's file", "field.cell=0.01")
     parser.add_threads()
     parser.set_defaults(run=run)

@@ -1,7 +1,6 @@
 """`robosim stability`: the matrix of stiff and extreme cases."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from robosim.base.errors import UnknownName
@@ -19,8 +18,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)} (default: all of these); to "
                         f"compare couplings: {', '.join(COMPARISONS)}; with grains that sleep: "
                         f"{', '.join(SLEEPING_AXES)}")
-    parser.add_argument("--out", type=Path, required=True, help="folder for index.html and stability.json")
-    parser.add_number("--jobs", default=1, help="number of cases at the same time (default: 1)")
+    parser.add_out("index.html and stability.json")
+    parser.add_number("--jobs", default=1, help="number of cases at the same time")
     parser.add_launcher()
     parser.set_defaults(run=run, after_interrupt="finished cells are kept; the same command continues")
 

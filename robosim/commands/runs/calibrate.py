@@ -20,10 +20,9 @@ def add_parser(commands: Any) -> None:
                                  "experiments. Exit status 0 only if the material is calibrated.")
     parser.add_argument("measurements", metavar="FILE", help=".yaml file that names the experiments, their data and "
                         "the numbers sought, see `robosim keys measurements`")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the card, calibration.json and index.html; "
-                        "runs that are finished there are not repeated")
+    parser.add_out("the card, calibration.json and index.html; runs that are finished there are not repeated")
     parser.add_number("--runs", default=RUNS, help=f"most simulations of each experiment (default: {RUNS})")
-    parser.add_number("--seed", default=0, help="random seed of the search (default: 0)")
+    parser.add_number("--seed", default=0, help="random seed of the search")
     parser.add_settings("measurements' file", "experiments.tall.held_out=true")
     parser.add_threads()
     parser.set_defaults(run=run, after_interrupt="finished runs are kept; the same command continues")

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.base.resources import config_names, config_path
+from robosim.base.resources import config_names
 from robosim.commands.arguments import one_of
 
 EXAMPLE = """example:
@@ -18,23 +18,18 @@ def add_parser(commands: Any) -> None:
                                  "the grains that the one before left in the tool. Exit status 0 only if the whole "
                                  "sequence could be replayed.", epilog=EXAMPLE)
     parser.add_argument("rehearsal", help=one_of(config_names("rehearsals")))
-    parser.add_argument("--out", type=Path, required=True, help="folder for chain.json and chain.mp4")
-    parser.add_argument("--material",
-                        help="material: " + one_of(config_names("materials")) + " (default: the rehearsal's)")
+    parser.add_out("chain.json and chain.mp4")
+    parser.add_material("the rehearsal's")
     parser.add_argument("--motions", type=Path, help="folder with a motion of each sub-task as TASK.npz (default: the "
                         "bundled motions)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
     parser.add_threads()
-    parser.set_defaults(run=run, after_interrupt="chain.json has the finished sub-tasks; the same command "
-                        "begins again")
+    parser.set_defaults(run=run, after_interrupt="chain.json has the finished sub-tasks; the same command begins again")
 
 
 def run(options: argparse.Namespace) -> int:
     """Check the names, then replay."""
-    config_path("rehearsals", options.rehearsal, "rehearsal")
-    if options.material is not None:
-        config_path("materials", options.material, "material")
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
         from robosim.studies.evaluation.motion_chain import run_chain
 

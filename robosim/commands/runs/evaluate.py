@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.base.resources import config_names, config_path, part_names, trained_network
-from robosim.commands.arguments import one_of
+from robosim.base.resources import config_names, part_names, trained_network
+from robosim.commands.arguments import one_of, refuse
 from robosim.envs import BUNDLED, is_task_file, task_name
 from robosim.studies.evaluation import NETWORK, POLICIES, SUITES
 
@@ -33,8 +33,8 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--episodes",
                         help="number of episodes, with seeds from --seed on (default: 5; 1 with "
                         "--nominal; 50 with --suite)")
-    parser.add_number("--seed", default=0, help="random seed of the first episode (default: 0)")
-    parser.add_argument("--material", help="material: " + one_of(config_names("materials")) + " (default: the task's)")
+    parser.add_number("--seed", default=0, help="random seed of the first episode")
+    parser.add_material()
     parser.add_argument("--nominal", action="store_true", help="start at the task's nominal start, without its random "
                         "displacement")
     parser.add_argument("--arm", action="store_true", help="move the tool with the whole arm")
@@ -44,8 +44,8 @@ def add_parser(commands: Any) -> None:
                         "file (default: iiwa14)")
     parser.add_argument("--gripper", help="with --arm: a hand's name or .yaml file, or none (default: the arm's usual "
                         "one)")
-    parser.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode); "
-                        "with --suite evaluation.csv, a row an episode, and a picture")
+    parser.add_out("evaluation.json and episode.mp4 (the first episode); "
+                        "with --suite evaluation.csv, a row an episode, and a picture", is_required=False)
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_settings("task's file", "grains.count=100")
     parser.add_threads()
@@ -54,52 +54,33 @@ def add_parser(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check the names, then run the episodes."""
+    """Check the names, then run the episodes, or a suite of them."""
     is_task_file(options.task)
-    if options.material is not None:
-        config_path("materials", options.material, "material")
-    if options.suite is not None:
-        return run_suite(options)
-    if options.alone:
-        raise ConfigError("--alone without --suite; accepted: with one, such as --suite wide")
-    options.policy = find_network(options.policy, options.task)
-    check_policy(options.policy)
+    if options.suite is None:
+        refuse(options, "without --suite; accepted: with one, such as --suite wide", alone=False)
+    else:
+        refuse(options, f"with --suite {options.suite}; accepted: without, a suite has starts of its own for the tool "
+               f"alone", nominal=False, arm=False, seed=0)
+    policy = options.policy
+    if options.suite is None or not Path(policy).is_dir():
+        policy = find_network(policy, options.task)
+        check_policy(policy)
+    given = {"episodes": options.episodes, "material": options.material,
+             "changed": {setting.path[0] for setting in options.settings}}
     with options.settings.changed("tasks", options.task, options.out) as task:
+        if options.suite is not None:
+            from robosim.studies.evaluation.suite_run import evaluate_suite
+
+            return evaluate_suite(task, policy, options.suite, options.out, alone=options.alone, **given)
         from robosim.studies.evaluation.evaluate import evaluate
 
-        return evaluate(task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
-                        film=not options.no_video, nominal=options.nominal, material=options.material,
-                        arm=options.arm, grasp=options.grasp, robot=options.robot, gripper=options.gripper,
-                        changed=changed_keys(options))
-
-
-def run_suite(options: argparse.Namespace) -> int:
-    """Run a suite of episodes."""
-    given = [name for name, value in (("--nominal", options.nominal), ("--arm", options.arm), ("--seed", options.seed))
-             if value]
-    if given:
-        raise ConfigError(f"{', '.join(given)} with --suite {options.suite}; accepted: without, a suite has starts of "
-                          f"its own for the tool alone")
-    if not Path(options.policy).is_dir():
-        options.policy = find_network(options.policy, options.task)
-        check_policy(options.policy)
-    with options.settings.changed("tasks", options.task, options.out) as task:
-        from robosim.studies.evaluation.suite_run import evaluate_suite
-
-        return evaluate_suite(task, options.policy, options.suite, options.out, episodes=options.episodes,
-                              material=options.material, changed=changed_keys(options), alone=options.alone)
-
-
-def changed_keys(options: argparse.Namespace) -> set[str]:
-    """Return the top-level keys of the task's file that the command changes."""
-    return {setting.path[0] for setting in options.settings}
+        return evaluate(task, policy, options.out, seed=options.seed, film=not options.no_video,
+                        nominal=options.nominal, arm=options.arm, grasp=options.grasp, robot=options.robot,
+                        gripper=options.gripper, **given)
 
 
 def find_network(name: str, task: str) -> str:
-    """Return the file of a task's bundled network for "network", any other name as it is.
-
-    Raises ConfigError for a task without one, where others have one.
-    """
+    """Return the file of a task's bundled network for "network", else the name; raises ConfigError without one."""
     tasks = with_network()
     if name != NETWORK or not tasks:
         return name

@@ -2,7 +2,6 @@
 
 import argparse
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 from robosim.commands.arguments import one_of
@@ -23,9 +22,8 @@ def add_parser(commands: Any) -> None:
                         help=f"of {', '.join(TASKS)}; or a task's .yaml file (default: all bundled sub-tasks)")
     parser.add_argument("--policy", default="learned", help=one_of(POLICIES, "or a .npz file with an array `actions` "
                         "(default: learned, the bundled motions)"))
-    parser.add_number("--jobs", default=1, help="number of episodes at the same time (default: 1)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for materials.json, .csv and .png; episodes "
-                        "that are finished there are not repeated")
+    parser.add_number("--jobs", default=1, help="number of episodes at the same time")
+    parser.add_out("materials.json, .csv and .png; episodes that are finished there are not repeated")
     parser.add_settings("tasks' files", "success.delivered=0.9")
     parser.add_launcher()
     parser.set_defaults(run=run, after_interrupt="finished episodes are kept; the same command continues")

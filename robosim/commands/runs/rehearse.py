@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.base.errors import ConfigError, UnknownName
-from robosim.base.resources import config_names, config_path
-from robosim.commands.arguments import one_of
+from robosim.base.errors import UnknownName
+from robosim.base.resources import config_names
+from robosim.commands.arguments import one_of, refuse
 from robosim.episode import COLOURS, FOLLOW
 from robosim.rehearsal import CAMERAS
 
@@ -25,9 +25,8 @@ def add_parser(commands: Any) -> None:
                                  "video and joint trajectory. Exit status 0 only if every result is in its accepted "
                                  "range.")
     parser.add_argument("rehearsal", help=one_of(config_names("rehearsals")))
-    parser.add_argument("--out", type=Path, required=True, help="folder for video, plots, report and data")
-    parser.add_argument("--material",
-                        help="material: " + one_of(config_names("materials")) + " (default: the rehearsal's)")
+    parser.add_out("video, plots, report and data")
+    parser.add_material("the rehearsal's")
     parser.add_argument("--trajectory", choices=["script", "learned"], help="follow the file's waypoints, or the "
                         "learned motions of its sub-tasks (default: what the file says)")
     parser.add_argument("--motions", type=Path, help="folder with a learned motion of each sub-task as TASK.npz "
@@ -41,19 +40,18 @@ def add_parser(commands: Any) -> None:
                         help=f"camera of the video: {one_of((*CAMERAS, FOLLOW), '')} (default: close)")
     parser.add_argument("--colour", default="material", help="what the colour of the video's grains shows: "
                         "the material, or which grains are awake (default: material)", choices=COLOURS)
-    parser.add_number("--frame-rate", default=20, help="frames of recording and video per second (default: 20)")
-    parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9 (default: 720)")
+    parser.add_number("--frame-rate", default=20, help="frames of recording and video per second")
+    parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9")
     parser.add_number("--poster", help="also make poster.png, a still in 1080p, at this time [s]")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_argument("--force-export", action="store_true", help="write the motion for the real robot also where a "
                         "bound was missed, as joint_trajectory_MISSED_BOUNDS.yaml")
-    parser.add_number("--seed", default=0,
-                        help="random seed of the grains' initial positions (default: 0)")
+    parser.add_number("--seed", default=0, help="random seed of the grains' initial positions")
     parser.add_number("--model-errors", metavar="SEED", help="let the robot differ from the model that plans and "
                       "controls it: payload, joint friction, latency, place of the tool in the hand, gains")
     parser.add_number("--perturb", metavar="N", help="run with the exact model and N times with such errors, without "
                       "videos, and report the worst of every figure")
-    parser.add_number("--jobs", default=1, help="with --perturb: runs at the same time (default: 1)")
+    parser.add_number("--jobs", default=1, help="with --perturb: runs at the same time")
     parser.add_launcher()
     parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
     parser.add_threads()
@@ -63,15 +61,12 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check the names, then rehearse."""
-    config_path("rehearsals", options.rehearsal, "rehearsal")
-    if options.material is not None:
-        config_path("materials", options.material, "material")
     if options.camera not in (*CAMERAS, FOLLOW):
         raise UnknownName("camera", options.camera, (*CAMERAS, FOLLOW))
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
         if options.perturb is not None:
             return run_perturbed(options, rehearsal)
-        refuse(options, {"launch": "local", "launch_file": None, "jobs": 1}, "without --perturb; accepted: with it")
+        refuse(options, "without --perturb; accepted: with it", launch="local", launch_file=None, jobs=1)
         from robosim.episode.film import FilmStyle
         from robosim.rehearsal.session import RunOptions, rehearse
 
@@ -84,18 +79,11 @@ def run(options: argparse.Namespace) -> int:
 
 def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:
     """Run the rehearsal with the exact model and with errors of it."""
-    refuse(options, {"recorded": None, "model_errors": None, "poster": None, "camera": "close", "colour": "material",
-                     "frame_rate": 20, "height": 720, "field_threads": 1}, "with --perturb; accepted: without")
+    refuse(options, "with --perturb; accepted: without", recorded=None, model_errors=None, poster=None, camera="close",
+           colour="material", frame_rate=20, height=720, field_threads=1)
     from robosim.studies.robustness.perturbed_runs import perturb
 
     chosen = {name: getattr(options, name) for name in ("material", "grasp", "trajectory", "seed")}
     chosen["motions"] = options.motions and str(options.motions.resolve())
     return perturb(rehearsal, options.out, options.perturb, jobs=options.jobs, launcher=options.find_launcher(options),
                    options={name: value for name, value in chosen.items() if value is not None})
-
-
-def refuse(options: argparse.Namespace, defaults: dict[str, Any], why: str) -> None:
-    """Raise ConfigError where one of these options is given."""
-    for name, default in defaults.items():
-        if getattr(options, name) != default:
-            raise ConfigError(f"--{name.removeprefix('field_').replace('_', '-')} {getattr(options, name)} {why}")

@@ -1,12 +1,9 @@
 """`robosim tune`: the numbers of a dosing controller, and the pour curve that it works with."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
-from robosim.base.errors import ConfigError
-from robosim.base.resources import config_names, config_path
-from robosim.commands.arguments import one_of
+from robosim.commands.arguments import refuse
 from robosim.dosing import CONTROLLERS
 from robosim.envs import is_task_file
 
@@ -32,11 +29,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--randomize", choices=PRESETS, help="what the episodes of a choice draw (default: nominal)")
     parser.add_number("--rate-deg", help="with --curve: tilt rate [deg/s] (default: 4)")
     parser.add_number("--most-deg", help="with --curve: last tilt [deg] (default: 120)")
-    parser.add_number("--seed", default=0, help="random seed of the first episode (default: 0)")
-    parser.add_argument("--material", help="material: " + one_of(config_names("materials")) + " (default: the task's)")
-    parser.add_number("--jobs", default=1, help="choices that run at the same time (default: 1)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for tune.json or curve.json, and numbers.yaml; "
-                        "what is finished there is not repeated")
+    parser.add_number("--seed", default=0, help="random seed of the first episode")
+    parser.add_material()
+    parser.add_number("--jobs", default=1, help="choices that run at the same time")
+    parser.add_out("tune.json or curve.json, and numbers.yaml; what is finished there is not repeated")
     parser.add_settings("task's file", "dose.target_g=[5,20]")
     parser.set_defaults(run=run, after_interrupt="finished choices and episodes are kept; the same command continues")
 
@@ -44,14 +40,10 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the names, then search or measure."""
     is_task_file(options.task)
-    if options.material is not None:
-        config_path("materials", options.material, "material")
-    refused = {"choices": options.choices, "randomize": options.randomize} if options.curve else \
-        {"rate_deg": options.rate_deg, "most_deg": options.most_deg}
-    for name, value in refused.items():
-        if value is not None:
-            raise ConfigError(f"--{name.replace('_', '-')} {value} {'with' if options.curve else 'without'} --curve; "
-                              f"accepted: {'without' if options.curve else 'with'} it")
+    if options.curve:
+        refuse(options, "with --curve; accepted: without it", choices=None, randomize=None)
+    else:
+        refuse(options, "without --curve; accepted: with it", rate_deg=None, most_deg=None)
     with options.settings.changed("tasks", options.task, options.out) as task:
         if options.curve:
             from robosim.studies.tuning.curve import measure_curve

@@ -48,8 +48,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         if options.what not in config_names("tasks"):
             config_path("rehearsals", options.what, "run, recording, sub-task or rehearsal")
-    if options.material is not None:
-        config_path("materials", options.material, "material")
     from robosim.rehearsal.browser.view import view
 
     return view(options.what, plan=options.plan, material=options.material, out=options.out, port=options.port,

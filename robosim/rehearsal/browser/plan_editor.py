@@ -80,10 +80,9 @@ class PlanEditor:
 
     def _add_handles(self, server: viser.ViserServer, config: RehearsalConfig) -> None:
         """Add a handle at each waypoint, a list of them, and buttons to save or to undo."""
-        from robosim.scene.frames import waypoint_pose
 
         for waypoint in config.waypoints:
-            pose = waypoint_pose(waypoint, config.containers)
+            pose = config.tool_pose(waypoint)
             handle = server.scene.add_transform_controls(f"/waypoints/{waypoint.name}", scale=0.06,
                                                          disable_rotations=True, position=pose.position,
                                                          disable_sliders=True)

@@ -7,9 +7,9 @@ import numpy as np
 
 from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.planning.clearance import Nearest, RobotClearance
 from robosim.planning.learned_motions import place_target
 from robosim.planning.plan import Plan, plan_motion
-from robosim.planning.robot_clearance import Nearest, RobotClearance
 from robosim.recordings.header import CurveEntry, WaypointEntry, floats
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.rehearsal.recorder import PATH_POINTS, counting_regions
@@ -29,14 +29,11 @@ CURVES = [
 
 
 def record_plan(config: RehearsalConfig, path: Path) -> Plan:
-    """Plan a rehearsal's motion and record it, after the way from the arm's home; returns the plan.
-
-    Raises ConfigError or UnreachableWaypoint as `plan_motion` does.
-    """
+    """Plan a rehearsal's motion and record it, after the way from home; errors as of `plan_motion`."""
     config = place_target(config)
     plan = plan_motion(config)
     config = plan.config
-    scene = compile_rehearsal(config)
+    scene = compile_rehearsal(config, plan.arm.assembly)
     data = mujoco.MjData(scene.model)
     motions = [plan.motion] if plan.approach is None else [plan.approach.motion, plan.motion]
     begin = sum(motion.duration for motion in motions[:-1])
@@ -56,8 +53,7 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
             data.time, data.qpos[scene.arm_qpos] = time, state.q
             mujoco.mj_kinematics(scene.model, data)
             torque = plan.arm.inverse_dynamics(state.q, state.qd, state.qdd)
-            margin = np.minimum(state.q - plan.arm.lower, plan.arm.upper - state.q).min()
-            values = [*map(in_millimetres, clearance.measure(state.q)), float(np.degrees(margin)),
+            values = [*map(in_millimetres, clearance.measure(state.q)), float(np.degrees(plan.arm.margin(state.q))),
                       100.0 * float(np.abs(state.qd / plan.arm.velocity).max()),
                       100.0 * float(np.abs(torque / plan.arm.torque_limits).max())]
             recorder.add(data, lambda grains, values=values: values)

@@ -9,10 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from robosim.base.errors import ConfigError, RobosimError
-from robosim.base.resources import config_names
 from robosim.config.settings import Setting
-from robosim.config.table import read
 from robosim.recordings.reader import FILE, Recording, find_recordings
+from robosim.tasks.task import is_task
 from robosim.viewer.playback import Playback
 from robosim.viewer.server import open_server, stop_server
 
@@ -77,14 +76,6 @@ def begin_run(name: str, material: str | None, out: Path | None, settings: list[
             process.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(10.0)
-
-
-def is_task(name: str) -> bool:
-    """Return whether a name or a file is that of a sub-task, not of a rehearsal."""
-    if name in config_names("tasks"):
-        return True
-    table = read(Path(name)) if name.endswith((".yaml", ".yml")) and Path(name).is_file() else None
-    return isinstance(table, dict) and "waypoints" not in table and "action" in table
 
 
 def wait_for_recording(folder: Path, process: "subprocess.Popen[bytes]") -> Path:

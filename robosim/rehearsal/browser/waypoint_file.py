@@ -15,12 +15,9 @@ from robosim.base.input_files import read_text
 from robosim.base.resources import config_path
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.settings import Setting
-from robosim.scene.frames import container_pose
 
 DIGITS = 4
 """Of a position in a file: a tenth of a millimetre."""
-BUNDLED_COPY = "{name}.yaml"
-"""Where a bundled rehearsal is saved: in the working directory, as a file of one's own."""
 
 
 class WaypointFile:
@@ -38,7 +35,7 @@ class WaypointFile:
         A bundled rehearsal becomes NAME.yaml in the working directory. Raises ConfigError where that exists, or where
         the file has changed and no longer has these waypoints.
         """
-        target = Path(BUNDLED_COPY.format(name=self.source.stem)) if self.is_bundled else self.source
+        target = Path(f"{self.source.stem}.yaml") if self.is_bundled else self.source
         if self.is_bundled and target.exists():
             raise ConfigError(f"{target.resolve()}: exists; accepted: `robosim view {target} --plan` to edit it, or "
                               f"another working directory")
@@ -80,7 +77,7 @@ def move_waypoint(config: RehearsalConfig, name: str, position: np.ndarray) -> R
     for waypoint in config.waypoints:
         if waypoint.name == name:
             local = position if waypoint.frame == "world" else \
-                container_pose(config.containers[waypoint.frame]).inverse().apply(position[None])[0]
+                config.containers[waypoint.frame].pose.inverse().apply(position[None])[0]
             waypoint = waypoint.model_copy(update={"position": tuple(round(float(x), DIGITS) for x in local)})
         waypoints.append(waypoint)
     return config.model_copy(update={"waypoints": tuple(waypoints)})

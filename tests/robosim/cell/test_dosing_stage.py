@@ -8,13 +8,11 @@ from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
 from robosim.cell.dosing_stage import DosingStage
 from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
 from robosim.dosing.pour_curve import PourCurve
-from robosim.planning.path_clearance import check_dose_reach
+from robosim.planning.clearance import Clearances
 from robosim.planning.plan import Plan
-from robosim.planning.robot_clearance import RobotClearance
 from robosim.rehearsal.metrics import dose_figures
 from robosim.rehearsal.session import check_config
 from robosim.robot.timing import JointState
-from robosim.scene.build import compile_rehearsal
 
 SALT = PourCurve(material="salt", load=0.05, rate_deg=2.0, source="made up for tests",
                  tilts_deg=(20.0, 40.0, 60.0, 80.0), masses=(0.0, 0.015, 0.035, 0.05))
@@ -134,17 +132,16 @@ def test_a_target_above_the_load_is_refused_with_both_masses(plan: Plan) -> None
 
 def test_a_tilt_out_of_reach_is_refused_before_the_run(plan: Plan) -> None:
     """By its angle; so is one at which the spoon touches the cup."""
-    robot = RobotClearance(compile_rehearsal(plan.config), plan.arm)
     q = plan.motion.state(plan.path.rests["over"][1]).q
-    check_dose_reach(plan.config, plan.arm, q, robot)
+    Clearances(plan.config, plan.arm).check_dose(q)
     far = plan.config.model_copy(update={"dose": rehearsal("dose_spoon", "dose.largest_tilt_deg=180").dose})
     with pytest.raises((UnreachableWaypoint, ConfigError), match=r"over \(dose, tilt \d+ deg\)"):
-        check_dose_reach(far, plan.arm, q, robot)
+        Clearances(far, plan.arm).check_dose(q)
     low = plan.config.model_copy(update={"waypoints": tuple(
         w.model_copy(update={"position": (*w.position[:2], 0.122)}) if w.name == "over" else w
         for w in plan.config.waypoints)})
     with pytest.raises(ConfigError, match=r"over \(dose, tilt .* deg\).*(overlap|apart)"):
-        check_dose_reach(low, plan.arm, q, robot)
+        Clearances(low, plan.arm).check_dose(q)
 
 
 @pytest.mark.parametrize(("setting", "message"), [

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from robosim.commands.keys import KINDS, schema_class
+from robosim.commands.keys import KINDS, import_name
 from robosim.commands.main import main
 from robosim.commands.new import bundled_names, find_source
 
@@ -51,5 +51,5 @@ def test_bounds_defaults_and_meanings_are_those_of_the_schema(capsys: pytest.Cap
 def test_schema_is_json_with_every_table(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     main(["keys", kind, "--schema"])
     schema = json.loads(capsys.readouterr().out)
-    assert set(schema["properties"]) == set(schema_class(KINDS[kind]).model_fields)
+    assert set(schema["properties"]) == set(import_name(KINDS[kind]).model_fields)
     assert all(table["additionalProperties"] is False for table in (schema, *schema.get("$defs", {}).values()))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from robosim.commands.keys import KINDS, schema_class
+from robosim.commands.keys import KINDS, import_name
 from robosim.commands.main import main
 from robosim.commands.new import BASES, bundled_names, find_source
 from robosim.config.arm import ArmConfig
@@ -34,7 +34,7 @@ def test_a_template_is_the_same_configuration_with_every_key(kind: str, basis: s
     whole = re.sub(r"^( *)#(\w+: )", r"\1\2", path.read_text(), flags=re.MULTILINE)
     path.write_text(whole)
     assert LOAD[kind](str(path)) == LOAD[kind](basis)
-    classes = [schema_class(place) for name, place in KINDS.items() if name.split(".")[0] == kind]
+    classes = [import_name(place) for name, place in KINDS.items() if name.split(".")[0] == kind]
     assert set(yaml.safe_load(whole)) in [set(schema.model_fields) for schema in classes]
 
 

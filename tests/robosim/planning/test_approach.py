@@ -9,7 +9,8 @@ from bundled import plan_of, rehearsal
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ObstacleConfig
-from robosim.planning.approach import MARGIN, Clearances, between, find_route, plan_approach
+from robosim.planning.approach import MARGIN, between, find_route, plan_approach
+from robosim.planning.clearance import Clearances
 from robosim.planning.plan import Plan, plan_motion
 from robosim.robot.timing import StraightMotion
 
@@ -31,8 +32,8 @@ def check(plan: Plan, config: RehearsalConfig, motion: StraightMotion) -> float:
     assert all(np.all(np.abs(s.qdd) <= 0.25 * limits.acceleration + 1e-9) for s in states)
     torques = np.array([arm.inverse_dynamics(*s) for s in states])
     assert np.all(np.abs(torques) <= 0.9 * arm.torque_limits + 1e-9)
-    clearances = Clearances(config, arm)
-    return min(clearances.least(s.q).distance for s in states[::4])
+    clearances = Clearances(config, arm, is_standing=True)
+    return min(clearances.least(s.q, MARGIN).distance for s in states[::4])
 
 
 def test_the_way_is_straight_where_it_is_free(spoon: Plan) -> None:
@@ -55,7 +56,7 @@ def test_it_leads_around_an_obstacle(spoon: Plan) -> None:
     approach = plan_approach(config, spoon.arm, spoon.motion.state(0.0).q)
     assert len(approach.motion.corners) > 2
     assert check(spoon, config, approach.motion) > 0.9 * MARGIN
-    assert min(Clearances(config, spoon.arm).least(straight.state(t).q).distance
+    assert min(Clearances(config, spoon.arm).least(straight.state(t).q, MARGIN).distance
                for t in np.linspace(0.0, straight.duration, 60)) < 0.0
 
 

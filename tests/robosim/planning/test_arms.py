@@ -8,14 +8,13 @@ import pytest
 from bundled import read_bundled, rehearsal
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
+from robosim.base.resources import part_names
 from robosim.config.arm import BasePose
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.planning.path_clearance import LEAST
-from robosim.planning.plan import plan_motion, slow_down
-from robosim.planning.robot_clearance import RobotClearance
+from robosim.planning.clearance import LEAST, RobotClearance
+from robosim.planning.plan import plan_motion
 from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.model import Arm
-from robosim.robot.robot import bundled_arms
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 
 
@@ -30,7 +29,7 @@ TURNS = {"ur5e": 0.0, "panda": -40.0}
 """Turns in the hand that the planner would find after trying others."""
 
 
-@pytest.mark.parametrize("robot", bundled_arms())
+@pytest.mark.parametrize("robot", part_names("robots"))
 def test_one_word_of_the_file_changes_the_arm(robot: str) -> None:
     """The tool passes the same poses; the hand is the arm's own."""
     plan = plan_motion(change(robot=robot, grip_turn_deg=TURNS.get(robot)))
@@ -99,7 +98,8 @@ def test_a_long_path_is_no_jump() -> None:
 
 def test_a_slower_script_passes_the_same_places() -> None:
     config = rehearsal("spoon")
-    path, slow = WaypointPath(config), WaypointPath(slow_down(config, 2.0))
+    path, slow = WaypointPath(config), WaypointPath(config)
+    slow.slow_down(np.array([0.0, 1.0]), np.array([1.0, 2.0]))
     moving = path.duration - sum(end - begin for begin, end in path.rests.values())
     resting = slow.duration - sum(end - begin for begin, end in slow.rests.values())
     assert resting == pytest.approx(2.0 * moving, rel=1e-6)

@@ -10,12 +10,17 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.planning.learned_motions import place_target
-from robosim.planning.learned_path import WEIGHING_TIME, LearnedPath
+from robosim.planning.learned_path import (
+    CLEARANCE,
+    CONNECTION_SPEED,
+    SHIFT_TOLERANCE,
+    SMOOTHING,
+    WEIGHING_TIME,
+    LearnedPath,
+)
 from robosim.planning.plan import plan_motion
-from robosim.planning.pose_sequences import CLEARANCE, CONNECTION_SPEED, SHIFT_TOLERANCE, SMOOTHING
 from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.container_clearance import build_real_tool_sdf
-from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
 from robosim.shapes.solids import make_container_shell
@@ -82,7 +87,7 @@ SOURCE = make_container_shell(read_inner_size("source")).subdivide_to_size(0.003
 
 def compute_gap(config: RehearsalConfig, pose: mpm.Pose) -> float:
     """Compute the least distance [m] between the tool at a pose and points on the source container."""
-    points = container_pose(config.containers["source"]).apply(SOURCE)
+    points = config.containers["source"].pose.apply(SOURCE)
     return float(build_real_tool_sdf(tool_shape(config.tool)).distance(pose.inverse().apply(points)).min())
 
 

@@ -6,9 +6,8 @@ import pytest
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import load_rehearsal
 from robosim.planning import learned_motions
-from robosim.planning.learned_motions import find_motion, load_motion, place_target
+from robosim.planning.learned_motions import SAMPLING, find_motion, load_motion, place_target
 from robosim.planning.learned_path import LearnedPath
-from robosim.planning.pose_sequences import SAMPLING
 from robosim.tasks.task import load_task
 
 

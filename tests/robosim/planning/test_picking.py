@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from bundled import plan_of
 
-from robosim.config.motion import APPROACH, RETREAT
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal import APPROACH, RETREAT, load_rehearsal
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import plan_motion
-from robosim.scene.build import compile_rehearsal, standing_pose
+from robosim.scene.build import compile_rehearsal
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp, put_tool
 
@@ -34,7 +33,7 @@ def test_the_hand_comes_along_its_approach_direction(robot: str) -> None:
     np.testing.assert_allclose(moved, CONFIG.pick.approach * approach, atol=1e-4)
     np.testing.assert_allclose(places[0][1], places[1][1], atol=1e-4)
     data.qpos[scene.arm_qpos] = plan.motion.state(0.0).q
-    stand = standing_pose(plan.config)
+    stand = plan.config.standing_pose
     assert stand is not None
     put_tool(scene, data, stand)
     mujoco.mj_forward(model, data)
@@ -66,7 +65,7 @@ def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it() -> 
     model, data = scene.model, mujoco.MjData(scene.model)
     model.opt.timestep = 0.001
     data.qpos[scene.arm_qpos] = q = plan.motion.state(plan.path.rests["standing"][0]).q
-    stand = standing_pose(plan.config)
+    stand = plan.config.standing_pose
     assert stand is not None
     put_tool(scene, data, stand)
     mujoco.mj_forward(model, data)

@@ -10,7 +10,6 @@ from robosim.base.errors import ConfigError
 from robosim.randomization.draw import HOME
 from robosim.randomization.ranges import wide_ranges
 from robosim.randomization.variants import displacement, placed
-from robosim.scene.frames import container_pose
 from robosim.senses.height_map import PlacedFloor, floor_heights
 from robosim.tasks.task import load_task
 
@@ -20,7 +19,7 @@ PLACE = {"place_x": (-0.03, 0.03), "place_y": (-0.03, 0.03), "place_yaw_deg": (-
 def test_container_and_grains_are_put_elsewhere_as_one():
     """In the container's frame all grains lie as before, and the counts and the scale find what they found."""
     env = make("ScoopScoop", obs=["scale", "height_map", "goal"], randomize=PLACE)
-    home = container_pose(env.task.containers[env.task.container])
+    home = env.task.containers[env.task.container].pose
     local, seen = [], []
     for seed in (0, 1):
         observation, info = env.reset(seed=seed)

@@ -11,7 +11,7 @@ import yaml
 import robosim
 from robosim.config.rehearsal import load_rehearsal
 from robosim.episode.film import find_camera
-from robosim.rehearsal.rehearsal import Rehearsal
+from robosim.rehearsal.session import Rehearsal
 from robosim.scene.build import compile_rehearsal
 
 

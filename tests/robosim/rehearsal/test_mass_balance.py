@@ -8,6 +8,7 @@ import pytest
 import mpm
 from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.mass_balance import compute_fractions
+from robosim.scene.grains import is_in_tool
 from robosim.shapes import tool_shape
 
 
@@ -19,7 +20,7 @@ def test_grains_in_the_tool_are_not_delivered():
         pose = mpm.Pose(np.array(config.area.centre) - middle, np.array([1.0, 0.0, 0.0, 0.0]))
         on_the_area = np.array(config.area.centre) + [0.0, 0.045, 0.0]
         run = SimpleNamespace(config=config, scooped=np.ones(3, bool),
-                              cell=SimpleNamespace(tool_pose=lambda pose=pose: pose),
+                              is_held=lambda places, name=name, pose=pose: is_in_tool(name, places, pose),
                               solver=SimpleNamespace(masses=lambda: np.ones(3)))
         fractions = compute_fractions(run, np.array([config.area.centre, on_the_area, [0.0, 0.0, 0.0]]))
         assert (fractions["delivered_fraction"], fractions["retained_fraction"]) == pytest.approx(expected)

@@ -16,9 +16,9 @@ from robosim.commands.main import main
 from robosim.config.rehearsal import load_rehearsal
 from robosim.conversion.joint_log import AXES, JointLog, Samples
 from robosim.planning.plan import Plan, plan_motion
+from robosim.rehearsal.comparison import compare_wrench
 from robosim.rehearsal.readings import name_columns
-from robosim.rehearsal.replay.comparison import Simulated, compare_wrench
-from robosim.rehearsal.replay.recorded_motion import Replay, make_replay, read_log
+from robosim.rehearsal.recorded_motion import RecordedMotion, read_log
 
 CLOCK, BIAS = 1234.5, np.array([0.7, 0.0, -0.4, 0.02, 0.0, -0.01])
 """Time [s] that the recording's clock is ahead, and what its sensor [N], [N m] adds."""
@@ -38,10 +38,10 @@ def write_recording(path: Path, rows: np.ndarray) -> Path:
     return path
 
 
-def replay(plan: Plan, folder: Path, times: np.ndarray, angles: np.ndarray) -> Replay:
+def replay(plan: Plan, folder: Path, times: np.ndarray, angles: np.ndarray) -> RecordedMotion:
     """Find the plan in a recording of angles (n, 7) [rad] at times (n,) [s]."""
     log = read_log(write_recording(folder / "real.csv", np.column_stack([times, angles])), plan.config)
-    return make_replay(log, plan.motion, plan.arm, plan.config)
+    return RecordedMotion(log, plan.motion, plan.arm, plan.config)
 
 
 def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recording(ran: Path, tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_another_clock_and_a_displaced_joint_are_seen(plan: Plan, tmp_path: Path
     angles = np.array([plan.motion.state(t).q for t in times])
     moved = angles + np.radians(0.8) * np.eye(7)[3]
     for start, given, difference in ((100.0, angles, 0.0), (-7.3, moved, 0.8)):
-        motion = replay(plan, tmp_path, times + start, given).motion
+        motion = replay(plan, tmp_path, times + start, given)
         assert motion.offset == pytest.approx(start, abs=2e-3)
         middle = 0.5 * plan.motion.duration
         apart = np.degrees(motion.state(middle).q - plan.motion.state(middle).q)
@@ -87,7 +87,7 @@ def test_an_approach_before_the_motion_is_no_part_of_it(plan: Plan, tmp_path: Pa
     times = np.arange(0.0, approach + wait + plan.motion.duration + after, 0.01)
     shares = np.clip(times / approach, 0.0, 1.0)[:, None]
     angles = np.array([plan.motion.state(t - approach - wait).q for t in times]) - 0.3 * (1.0 - shares) ** 2
-    motion = replay(plan, tmp_path, times, angles).motion
+    motion = replay(plan, tmp_path, times, angles)
     assert motion.offset == pytest.approx(approach + wait, abs=5e-3)
     assert motion.duration < plan.motion.duration + 1.1
     np.testing.assert_allclose(motion.state(-plan.config.grasp_time).q, plan.motion.state(0.0).q, atol=1e-3)
@@ -119,9 +119,10 @@ def test_the_offset_of_a_sensor_turns_with_it() -> None:
     axes = Rotation.from_rotvec(q * [0.0, 1.0, 0.0])
     recorded = np.column_stack([axes.inv().apply(weight), np.zeros((len(times), 3))]) + BIAS
     log = JointLog(Path("real"), Samples(times[::4], q[::4]), Samples(times[::4], recorded[::4]), "sensor")
-    steps = Simulated(times, q, np.tile([*weight, 0.0, 0.0, 0.0], (len(times), 1)))
-    played: Any = SimpleNamespace(log=log, motion=SimpleNamespace(offset=grasp_time))
-    found = compare_wrench(played, steps, model, np.array([0]), grasp_time)
+    steps = {"time": times, "q": q, "wrist": np.tile([*weight, 0.0, 0.0, 0.0], (len(times), 1))}
+    readings: Any = SimpleNamespace(stack_steps=steps.get)
+    played: Any = SimpleNamespace(log=log, offset=grasp_time)
+    found = compare_wrench(played, readings, model, np.array([0]), grasp_time)
     assert found is not None and found.offset == pytest.approx(BIAS)
     np.testing.assert_allclose(found.recorded, found.simulated, atol=1e-9)
 

@@ -12,14 +12,15 @@ from written_arms import write_arm
 from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
 from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.resources import part_names
 from robosim.config.arm import ArmConfig
-from robosim.planning.robot_clearance import RobotClearance
-from robosim.robot.assembly import HAND_PREFIX, WRIST_SITE, Assembly, add_wrist_sensor
-from robosim.robot.hand import bundled_hands, load_hand
+from robosim.planning.clearance import RobotClearance
+from robosim.robot.assembly import HAND_PREFIX, WRIST_SITE, Assembly, add_sensors
+from robosim.robot.hand import load_hand
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
-from robosim.robot.robot import bundled_arms, load_robot_model
+from robosim.robot.robot import load_robot_model
 from robosim.scene.build import build_scene_spec
 from robosim.scene.compiled import compile_scene
 from robosim.scene.models import assemble
@@ -39,7 +40,7 @@ def make(kind: str, path: Path) -> Assembly:
     return replace(assemble("spoon", gripper="none"), robot=replace(load_robot_model(config, path), stand=STAND))
 
 
-@pytest.mark.parametrize("kind", [*bundled_arms(), "5", "8"])
+@pytest.mark.parametrize("kind", [*part_names("robots"), "5", "8"])
 def test_reachable_poses_are_solved_and_mujoco_confirms_them(kind: str, tmp_path: Path) -> None:
     """At least 99.5 %, with restarts; pose, gravity torques and Jacobian are MuJoCo's."""
     assembly = make(kind, tmp_path)
@@ -75,13 +76,13 @@ def test_reachable_poses_are_solved_and_mujoco_confirms_them(kind: str, tmp_path
     assert arm.jacobian(solution.q) == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize("robot", bundled_arms())
-@pytest.mark.parametrize("gripper", [*bundled_hands(), "none"])
+@pytest.mark.parametrize("robot", part_names("robots"))
+@pytest.mark.parametrize("gripper", [*part_names("grippers"), "none"])
 def test_hands_hold_a_tool_in_one_orientation(robot: str, gripper: str) -> None:
     """Whatever is between flange and tool; the wrist carries hand and tool, and the sensor lies at the flange."""
     assembly = assemble("spoon", robot, gripper)
     spec = assembly.build_spec()
-    add_wrist_sensor(spec, assembly)
+    add_sensors(spec, assembly)
     model = compile_spec(spec)
     data = mujoco.MjData(model)
     data.qpos[[model.joint(name).qposadr[0] for name in assembly.robot.joints]] = assembly.robot.home

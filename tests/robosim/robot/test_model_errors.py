@@ -30,13 +30,14 @@ def test_errors_are_drawn_within_their_ranges_and_by_their_seed() -> None:
 
 def test_no_errors_change_nothing_and_a_payload_changes_hand_and_tool_alone() -> None:
     config = load_rehearsal("spoon")
-    exact = compile_scene(build_rehearsal_spec(config), assemble_rehearsal(config))
+    assembly = assemble_rehearsal(config)
+    exact = compile_scene(build_rehearsal_spec(config, assembly), assembly)
     for errors in (NONE, NONE._replace(payload=1.2, friction=np.linspace(0.5, 1.5, 7), stiffness=0.9, damping=1.1,
                                        tool_shift=np.array([1e-3, 0.0, 0.0]),
                                        tool_turn_deg=np.array([0.0, 0.3, 0.4]))):
-        spec = build_rehearsal_spec(config)
+        spec = build_rehearsal_spec(config, assembly)
         errors.place_tool(spec, config.tool)
-        scene = compile_scene(spec, assemble_rehearsal(config))
+        scene = compile_scene(spec, assembly)
         palm = scene.wrist
         errors.change_model(scene.model, palm, scene.arm_dofs)
         assert np.isclose(scene.model.body_subtreemass[palm], exact.model.body_subtreemass[palm] * errors.payload)

@@ -13,9 +13,10 @@ from scipy.spatial.transform import Rotation
 from written_arms import write_arm
 
 from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.resources import part_names
 from robosim.config.arm import ArmConfig
 from robosim.robot.mjspec import locate_model
-from robosim.robot.robot import bundled_arms, load_arm, load_robot_model
+from robosim.robot.robot import load_arm, load_robot_model
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -174,7 +175,7 @@ def test_bundled_arms_have_the_makers_kinematics(name: str) -> None:
 @pytest.mark.parametrize("name", TOTAL_MASS)
 def test_bundled_arms_are_complete(name: str) -> None:
     """Mass of the data sheet, valid inertias, a home posture without contact whose flange looks down or ahead."""
-    assert name in bundled_arms()
+    assert name in part_names("robots")
     robot = load_arm(name)
     assert set(robot.sources.values()) <= {"model", "configuration"} and robot.payload and len(robot.joints) >= 6
     model = robot.spec.copy().compile()

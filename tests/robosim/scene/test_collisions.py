@@ -10,7 +10,6 @@ from robosim.scene import container_clearance
 from robosim.scene.build import compile_rehearsal
 from robosim.scene.collisions import ContactCounter
 from robosim.scene.compiled import Scene
-from robosim.scene.frames import container_pose
 from robosim.scene.models import assemble
 
 
@@ -25,7 +24,7 @@ def test_container_points_in_the_tool_are_counted_with_their_depth(monkeypatch: 
     data = mujoco.MjData(scene.model)
     mujoco.mj_forward(scene.model, data)
     surface = container_clearance.ContainerSurface(config)
-    floor = container_pose(config.containers["source"])
+    floor = config.containers["source"].pose
     for height, is_counted in ((0.0301, False), (0.029, True)):
         pose = mpm.Pose(floor.position + [0.0, 0.0, height], np.array([1.0, 0.0, 0.0, 0.0]))
         surface.record_penetrations(pose)

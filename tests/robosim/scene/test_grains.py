@@ -14,7 +14,6 @@ from robosim.config.scene import ContainerConfig
 from robosim.config.table import validate
 from robosim.envs import TASKS
 from robosim.scene.field import build_field, build_tool_lattice, check_field
-from robosim.scene.frames import container_pose
 from robosim.scene.grains import container_region, fill, is_in_container, leave_out_buried
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
@@ -87,7 +86,7 @@ def test_a_container_is_filled_up_to_its_rounded_edges() -> None:
     container, size = config.containers[source], read_inner_size(source)
     wall = mpm.Sdf.from_mesh(make_container_shell(size), spacing=1e-3)
     positions, volume = fill(config, build_tool_lattice(config), mpm.Pose.identity())
-    depth = wall.distance(container_pose(container).inverse().apply(positions))
+    depth = wall.distance(container.pose.inverse().apply(positions))
     assert depth.min() > -0.25 * np.cbrt(volume)
     edges = 4.0 * (1.0 - np.pi / 4.0) * CONTAINER_CORNER**2 * container.fill_height
     held = size[0] * size[1] * container.fill_height - edges

@@ -12,7 +12,6 @@ from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig
 from robosim.robot.mjspec import compile_spec, quiet_attachment
 from robosim.scene.build import add_container
-from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape, load_container
 from robosim.shapes.containers import ContainerShape
 
@@ -104,7 +103,7 @@ def test_a_model_can_stand_twice_under_two_names() -> None:
 
 
 def test_a_tilted_container_turns_about_its_own_axes_before_its_yaw() -> None:
-    pose = container_pose(ContainerConfig(model="target", position=PLACE, yaw_deg=90.0, tilt_deg=(0.0, 30.0)))
+    pose = ContainerConfig(model="target", position=PLACE, yaw_deg=90.0, tilt_deg=(0.0, 30.0)).pose
     assert pose.matrix @ [0.0, 0.0, 1.0] == pytest.approx([0.0, 0.5, np.sqrt(0.75)], abs=1e-12)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mpm import Pose
 from robosim.cell.cell import Cell
-from robosim.robot.joint_path import solve_path
+from robosim.robot.inverse_kinematics import solve_path
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointState, SmoothMotion
 from robosim.scene.build import build_scene_spec

@@ -11,7 +11,6 @@ from browser_window import BrowserWindow, serve, wait_until
 from robosim.config.rehearsal import load_rehearsal
 from robosim.episode.film import FilmStyle
 from robosim.rehearsal.session import RunOptions, rehearse
-from robosim.scene.frames import waypoint_pose
 
 pytestmark = pytest.mark.slow
 EYE, TARGET, FOV_DEG = np.array([1.95, -1.15, 0.95]), np.array([0.42, -0.02, 0.34]), 33.0
@@ -39,7 +38,7 @@ def test_a_waypoint_is_dragged_and_saved(browser: BrowserWindow, short: Path) ->
         time.sleep(2.0)
         assert browser.has("//*[contains(text(), 'dragged: none')]")
         canvas = browser.find("//canvas").rect
-        dip = waypoint_pose(config.waypoints[1], config.containers).position
+        dip = config.tool_pose(config.waypoints[1]).position
         ends = [project(dip + [0.0, 0.0, up], canvas["width"], canvas["height"]) for up in (0.04, 0.09)]
         browser.drag(*((canvas["x"] + x, canvas["y"] + y) for x, y in ends))
         wait_until(lambda: browser.has("//*[contains(text(), 'dragged: dip')]"), 60.0)

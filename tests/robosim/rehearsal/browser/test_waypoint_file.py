@@ -10,7 +10,6 @@ from robosim.base.errors import ConfigError
 from robosim.base.resources import config_path
 from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.browser.waypoint_file import WaypointFile, move_waypoint
-from robosim.scene.frames import waypoint_pose
 
 
 @pytest.fixture
@@ -28,7 +27,7 @@ def test_a_waypoint_is_where_it_was_dropped_in_any_frame(own: Path) -> None:
         file.save(move_waypoint(file.config, name, place), [name])
         config = load_rehearsal(str(own))
         moved = next(w for w in config.waypoints if w.name == name)
-        assert np.abs(waypoint_pose(moved, config.containers).position - place).max() <= 1.5e-4
+        assert np.abs(config.tool_pose(moved).position - place).max() <= 1.5e-4
         others = [w for w in config.waypoints if w.name not in ("dig", "across")]
         assert others == [w for w in load_rehearsal("spoon").waypoints if w.name not in ("dig", "across")]
     kept = [line for line in before.splitlines() if line.startswith("#")]

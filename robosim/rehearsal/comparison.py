@@ -6,8 +6,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from robosim.rehearsal.replay.recorded_motion import Replay
+from robosim.rehearsal.readings import Readings
+from robosim.rehearsal.recorded_motion import RecordedMotion
 from robosim.reports.curves import Chart, Curve
+from robosim.robot.assembly import WRIST_SITE
 from robosim.robot.model import Arm
 
 AVERAGED = 20
@@ -16,17 +18,6 @@ REST = 0.2
 """Time [s] before the motion in which the difference of both wrenches is taken as the sensor's offset."""
 OPPOSITE = -0.5
 """Correlation of the forces below which the recorded ones are the hand's on the arm."""
-
-
-class Simulated(NamedTuple):
-    """What was simulated at the end of every step."""
-
-    times: np.ndarray
-    """(n,) [s]"""
-    q: np.ndarray
-    """Joint angles (n, joints) [rad]."""
-    wrist: np.ndarray
-    """Force [N] and torque [N m] (n, 6) of the arm on the hand, in world axes."""
 
 
 class WrenchComparison(NamedTuple):
@@ -41,7 +32,7 @@ class WrenchComparison(NamedTuple):
     """Mean difference (6,) before the motion, in the axes of the recording; None: nothing was recorded before it."""
 
 
-def compare_wrench(replay: Replay, steps: Simulated, model: mujoco.MjModel, arm_qpos: np.ndarray,
+def compare_wrench(replay: RecordedMotion, readings: Readings, model: mujoco.MjModel, arm_qpos: np.ndarray,
                    grasp_time: float) -> WrenchComparison | None:
     """Compare the wrenches at the recorded times that were simulated; None without a recorded one.
 
@@ -50,16 +41,20 @@ def compare_wrench(replay: Replay, steps: Simulated, model: mujoco.MjModel, arm_
     wrench = replay.log.wrench
     if wrench is None:
         return None
-    times = wrench.times - replay.motion.offset + grasp_time
-    is_inside = (times >= steps.times[0]) & (times <= steps.times[-1])
+    step_times, q, wrist = (readings.stack_steps(name) for name in ("time", "q", "wrist"))
+    times = wrench.times - replay.offset + grasp_time
+    is_inside = (times >= step_times[0]) & (times <= step_times[-1])
     times, recorded = times[is_inside], wrench.values[is_inside]
     if not len(times):
         return None
     kernel = np.ones(AVERAGED) / AVERAGED
-    smooth = np.stack([np.convolve(column, kernel, mode="valid") for column in steps.wrist.T], 1)
-    centres = np.convolve(steps.times, kernel, mode="valid")
+    smooth = np.stack([np.convolve(column, kernel, mode="valid") for column in wrist.T], 1)
+    centres = np.convolve(step_times, kernel, mode="valid")
     simulated = np.stack([np.interp(times, centres, column) for column in smooth.T], 1)
-    axes = sensor_axes(times, steps, model, arm_qpos) if replay.log.wrench_axes == "sensor" else np.eye(3)[None]
+    axes = np.eye(3)[None]
+    if replay.log.wrench_axes == "sensor":
+        rows = np.minimum(np.searchsorted(step_times, times), len(q) - 1)
+        axes = sensor_axes(q[rows], model, arm_qpos)
     at_rest = (times > grasp_time - REST) & (times <= grasp_time)
     offset = None
     if at_rest.any():  # a sensor's offset turns with it
@@ -74,30 +69,30 @@ def turn(wrenches: np.ndarray, axes: np.ndarray) -> np.ndarray:
                      wrenches.reshape(-1, 2, 3)).reshape(-1, 6)
 
 
-def sensor_axes(times: np.ndarray, steps: Simulated, model: mujoco.MjModel, arm_qpos: np.ndarray) -> np.ndarray:
-    """Return the axes (n, 3, 3) of the wrist sensor in the world, as the arm stood at times (n,) [s]."""
-    data, site = mujoco.MjData(model), model.site("wrist_sensor").id
-    axes = np.empty((len(times), 3, 3))
-    for row, time in enumerate(times):
-        data.qpos[arm_qpos] = steps.q[min(int(np.searchsorted(steps.times, time)), len(steps.times) - 1)]
+def sensor_axes(q: np.ndarray, model: mujoco.MjModel, arm_qpos: np.ndarray) -> np.ndarray:
+    """Return the axes (n, 3, 3) of the wrist sensor in the world in postures q (n, joints) [rad] of the arm."""
+    data, site = mujoco.MjData(model), model.site(WRIST_SITE).id
+    axes = np.empty((len(q), 3, 3))
+    for row, posture in enumerate(q):
+        data.qpos[arm_qpos] = posture
         mujoco.mj_kinematics(model, data)
         axes[row] = data.site_xmat[site].reshape(3, 3)
     return axes
 
 
-def joint_differences(replay: Replay) -> tuple[np.ndarray, np.ndarray]:
+def joint_differences(replay: RecordedMotion) -> tuple[np.ndarray, np.ndarray]:
     """Return times (n,) [s] since the motion's start, and recorded less planned angles (n, joints) [rad]."""
-    times = np.arange(0.0, max(replay.motion.duration, replay.planned.duration), 0.01)
-    return times, np.array([replay.motion.state(t).q - replay.planned.state(t).q for t in times])
+    times = np.arange(0.0, max(replay.duration, replay.planned.duration), 0.01)
+    return times, np.array([replay.state(t).q - replay.planned.state(t).q for t in times])
 
 
-def replay_figures(replay: Replay, comparison: WrenchComparison | None, arm: Arm) -> dict[str, object]:
+def replay_figures(replay: RecordedMotion, comparison: WrenchComparison | None, arm: Arm) -> dict[str, object]:
     """Return the report's figures of a replay."""
     times, difference = joint_differences(replay)
-    tool = max(float(np.linalg.norm(arm.tool_pose(replay.motion.state(t).q).position
+    tool = max(float(np.linalg.norm(arm.tool_pose(replay.state(t).q).position
                                     - arm.tool_pose(replay.planned.state(t).q).position)) for t in times[::5])
     figures: dict[str, object] = {
-        "recorded": str(replay.log.path), "recorded_clock_offset_s": replay.motion.offset,
+        "recorded": str(replay.log.path), "recorded_clock_offset_s": replay.offset,
         "recorded_joint_difference_max_deg": float(np.degrees(np.abs(difference).max())),
         "recorded_joint_difference_rms_deg": float(np.degrees(np.sqrt(np.mean(difference**2)))),
         "recorded_tool_difference_max_m": tool}
@@ -116,7 +111,7 @@ def replay_figures(replay: Replay, comparison: WrenchComparison | None, arm: Arm
         "recorded_force_correlation": correlation}
 
 
-def replay_charts(replay: Replay, comparison: WrenchComparison | None, names: Sequence[str],
+def replay_charts(replay: RecordedMotion, comparison: WrenchComparison | None, names: Sequence[str],
                   grasp_time: float) -> list[Chart]:
     """Return the charts of a replay; names: of the joints."""
     times, difference = joint_differences(replay)

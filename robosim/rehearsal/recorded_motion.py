@@ -1,7 +1,6 @@
 """Joint angles that the real arm recorded, as the motion of a rehearsal."""
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
@@ -39,16 +38,22 @@ class RecordedMotion:
     """Recorded joint angles as a motion, which the servo is given in place of the planned one.
 
     log: of the arm; planned: the motion that it is compared with, from whose start time counts. Raises ConfigError
-    for angles beyond the joints' limits.
+    for angles beyond the joints' limits, and for a recording of something else.
     """
 
     delay = 0.0
     """Of the limits: none."""
 
-    def __init__(self, log: JointLog, planned: JointMotion, arm: Arm, names: list[str]) -> None:
+    def __init__(self, log: JointLog, planned: JointMotion, arm: Arm, config: RehearsalConfig) -> None:
+        self.log, self.planned = log, planned
         times, angles = log.joints
         self._rest = np.zeros(angles.shape[1])
-        _check_limits(log, arm, names)
+        beyond = np.maximum(arm.lower - angles, angles - arm.upper)
+        row, joint = np.unravel_index(np.argmax(beyond), beyond.shape)
+        if beyond[row, joint] > 0.0:
+            name = name_joints(arm.joints, config.joint_trajectory)[joint]
+            raise ConfigError(f"{log.path}: joint {name} is at {angles[row, joint]:.4f} rad at {times[row]:.3f} s; "
+                              f"accepted: {arm.lower[joint]:.4f} to {arm.upper[joint]:.4f} rad")
         if times[-1] - times[0] < planned.duration - 2.0 * LACKING:
             raise ConfigError(f"{log.path}: {times[-1] - times[0]:.2f} s long; accepted: the whole planned motion of "
                               f"{planned.duration:.2f} s")
@@ -76,23 +81,10 @@ class RecordedMotion:
         return JointState(*(self._spline(time, nu=order) for order in range(3)))
 
 
-class Replay(NamedTuple):
-    """A recording that is played."""
-
-    log: JointLog
-    planned: JointMotion
-    motion: RecordedMotion
-
-
 def read_log(path: Path, config: RehearsalConfig) -> JointLog:
     """Read what the arm recorded; its joints are called as the exported trajectory calls them. Raises ConfigError."""
     names = name_joints(assemble_rehearsal(config).robot.joints, config.joint_trajectory)
     return read_joint_log(path, names, config.joint_trajectory.frame_id)
-
-
-def make_replay(log: JointLog, planned: JointMotion, arm: Arm, config: RehearsalConfig) -> Replay:
-    """Return a recording of a planned motion as it is played. Raises ConfigError for angles beyond the limits."""
-    return Replay(log, planned, RecordedMotion(log, planned, arm, name_joints(arm.joints, config.joint_trajectory)))
 
 
 def find_offset(times: np.ndarray, angles: np.ndarray, planned: JointMotion) -> tuple[float, float]:
@@ -115,13 +107,3 @@ def find_offset(times: np.ndarray, angles: np.ndarray, planned: JointMotion) -> 
     found = minimize_scalar(distance, bounds=(best - COARSE, best + COARSE), method="bounded", options={"xatol": 1e-5})
     size = max(float(np.mean((plan_angles - plan_angles.mean(0)) ** 2)), SMALLEST**2)
     return float(found.x), float(np.sqrt(found.fun / size))  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def _check_limits(log: JointLog, arm: Arm, names: list[str]) -> None:
-    """Raise ConfigError where a recorded angle is beyond its joint's limits."""
-    times, angles = log.joints
-    beyond = np.maximum(arm.lower - angles, angles - arm.upper)
-    row, joint = np.unravel_index(np.argmax(beyond), beyond.shape)
-    if beyond[row, joint] > 0.0:
-        raise ConfigError(f"{log.path}: joint {names[joint]} is at {angles[row, joint]:.4f} rad at {times[row]:.3f} s; "
-                          f"accepted: {arm.lower[joint]:.4f} to {arm.upper[joint]:.4f} rad")
