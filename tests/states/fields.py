@@ -151,28 +151,27 @@ def batch(keep: Keep) -> None:
 
 
 CASES = [
-    *case_of("law/sand", throw, SAND, usual="f32 f64 ieee threads"),
-    *case_of("law/sand f32", throw, SAND, precision="f32", more="threads"),
-    *case_of("law/cohesive sand", throw, LAWS["cohesive sand"], usual=BOTH),
-    *case_of("law/fluid by cells", throw, LAWS["fluid by cells"], usual="f64", more="f32"),
-    *case_of("law/clay", throw, LAWS["clay"], more="f32 f64 ieee"),
-    *(case for name in ("mu(I)", "hencky", "neo-hookean", "corotated", "fluid") for case in
-      case_of(f"law/{name}", throw, LAWS[name], more=BOTH)),
-    *case_of("law/solids", mix, "clay", "hencky", "neo-hookean", "corotated", "mu(I)", usual="f32"),
-    *case_of("law/mixture", mix, "sand", "clay", "fluid", usual=BOTH, more="ieee threads"),
-    *case_of("walls/mixed", throw, SAND, walls=MIXED, usual="f64", more="f32"),
-    *(case for name in ("slip", "stick", "roller") for case in
-      case_of(f"walls/{name}", throw, SAND, walls=mpm.Walls.all(name), more=BOTH)),
-    *(case for name in ("series", "exact") for case in
-      case_of(f"integrator/{name}", throw, SAND, integrator=name, more="f32")),
-    *case_of("strides/none", throw, SAND, transfer_interval=0.0, more=BOTH),
-    *case_of("precision/f64", throw, SAND, precision="f64", more="f32"),
-    *case_of("precision/f32", throw, SAND, precision="f32", more="f64"),
-    *case_of("bed", lie, usual="f32", more="f64"),
-    *case_of("acceleration", push, usual="f64", more="f32"),
-    *case_of("sleep/on", fall_asleep, True, usual="f32", more="f64 threads"),
-    *case_of("sleep/off", fall_asleep, False, more="f64"),
-    *case_of("sleep/factor", fall_asleep, 3.0, more="f64"),
-    *case_of("state", come_back, usual="f32", more="f64"),
-    *case_of("batch", batch, usual="f64", more="f32"),
+    case_of("law/sand", throw, SAND, usual="f32 f64 ieee threads"),
+    case_of("law/sand f32", throw, SAND, precision="f32", more="threads"),
+    case_of("law/cohesive sand", throw, LAWS["cohesive sand"], usual=BOTH),
+    case_of("law/fluid by cells", throw, LAWS["fluid by cells"], usual="f64", more="f32"),
+    case_of("law/clay", throw, LAWS["clay"], more="f32 f64 ieee"),
+    *(case_of(f"law/{name}", throw, LAWS[name], more=BOTH)
+      for name in ("mu(I)", "hencky", "neo-hookean", "corotated", "fluid")),
+    case_of("law/solids", mix, "clay", "hencky", "neo-hookean", "corotated", "mu(I)", usual="f32"),
+    case_of("law/mixture", mix, "sand", "clay", "fluid", usual=BOTH, more="ieee threads"),
+    case_of("walls/mixed", throw, SAND, walls=MIXED, usual="f64", more="f32"),
+    *(case_of(f"walls/{name}", throw, SAND, walls=mpm.Walls.all(name), more=BOTH)
+      for name in ("slip", "stick", "roller")),
+    *(case_of(f"integrator/{name}", throw, SAND, integrator=name, more="f32") for name in ("series", "exact")),
+    case_of("strides/none", throw, SAND, transfer_interval=0.0, more=BOTH),
+    case_of("precision/f64", throw, SAND, precision="f64", more="f32"),
+    case_of("precision/f32", throw, SAND, precision="f32", more="f64"),
+    case_of("bed", lie, usual="f32", more="f64"),
+    case_of("acceleration", push, usual="f64", more="f32"),
+    case_of("sleep/on", fall_asleep, True, usual="f32", more="f64 threads"),
+    case_of("sleep/off", fall_asleep, False, more="f64"),
+    case_of("sleep/factor", fall_asleep, 3.0, more="f64"),
+    case_of("state", come_back, usual="f32", more="f64"),
+    case_of("batch", batch, usual="f64", more="f32"),
 ]

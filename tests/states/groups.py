@@ -51,7 +51,7 @@ def all_cases() -> list[Case]:
     import plans
     import scenes
 
-    cases = [case for module in (fields, scenes, environments, plans) for case in module.CASES]
+    cases = [case for module in (fields, scenes, environments, plans) for some in module.CASES for case in some]
     return [case for group in GROUPS for case in cases if case.name.startswith(f"{group}/")]
 
 

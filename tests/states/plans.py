@@ -53,18 +53,14 @@ def dose(keep: Keep) -> None:
 
 
 CASES = [
-    *(case for name in ("spoon", "dose_bottle") for case in case_of(f"rehearsal/{name}", begin, name, more="f64")),
-    *(case for name in ("spoon", "pick_bottle", "dose_spoon") for case in
-      case_of(f"rehearsal/{name}", begin, name, usual="f32")),
-    *case_of("rehearsal/dip", dip, usual="f32"),
-    *case_of("rehearsal/dip", dip, model_errors=3, seed=1, more="f64"),
-    *(case for name in ("scoop", "shovel", "bottle", "dose_bottle") for case in
-      case_of(f"rehearsal/{name}", begin, name, more="f32")),
-    *case_of("rehearsal/dose", dose, more="f32"),
-    *(case for name in ("lagged", "one_way") for case in
-      case_of(f"rehearsal/{name}", begin, "shovel", coupling=name, more="f32")),
-    *(case for name in ("spoon", "scoop", "bottle", "shovel") for case in
-      case_of(f"plan/learned {name}", begin, name, 0, trajectory="learned", more="f32")),
-    *(case for name in ("ur5e", "panda", "xarm7") for case in
-      case_of(f"plan/{name}", begin, "spoon", 0, robot=name, more="f32")),
+    *(case_of(f"rehearsal/{name}", begin, name, more="f64") for name in ("spoon", "dose_bottle")),
+    *(case_of(f"rehearsal/{name}", begin, name, usual="f32") for name in ("spoon", "pick_bottle", "dose_spoon")),
+    case_of("rehearsal/dip", dip, usual="f32"),
+    case_of("rehearsal/dip", dip, model_errors=3, seed=1, more="f64"),
+    *(case_of(f"rehearsal/{name}", begin, name, more="f32") for name in ("scoop", "shovel", "bottle", "dose_bottle")),
+    case_of("rehearsal/dose", dose, more="f32"),
+    *(case_of(f"rehearsal/{name}", begin, "shovel", coupling=name, more="f32") for name in ("lagged", "one_way")),
+    *(case_of(f"plan/learned {name}", begin, name, 0, trajectory="learned", more="f32")
+      for name in ("spoon", "scoop", "bottle", "shovel")),
+    *(case_of(f"plan/{name}", begin, "spoon", 0, robot=name, more="f32") for name in ("ur5e", "panda", "xarm7")),
 ]
