@@ -1,4 +1,4 @@
-"""The command line: help, version, wrong names, and what it does not import."""
+"""The command line: help, version, wrong names, what it does not import, and names that it lists without loading."""
 
 import contextlib
 import json
@@ -14,9 +14,14 @@ from pathlib import Path
 
 import pytest
 
+from robosim.base.errors import ConfigError
 from robosim.commands import main as module
 from robosim.commands.arguments import NUMBERS
 from robosim.commands.main import COMMANDS, interrupts, main, parser
+from robosim.studies.benchmarks import FIELD_SCENES
+from robosim.studies.benchmarks import field as benchmark
+from robosim.studies.verification import stability
+from robosim.studies.verification.stability import field
 
 EVERY = sorted([*COMMANDS, "demo", "export", "gradients", "pipeline", "rollouts", "sweep", "tables", "train"])
 HEAVY = {"taichi", "mujoco", "pinocchio", "torch", "matplotlib", "gymnasium", "numpy", "scipy", "pydantic", "yaml"}
@@ -159,3 +164,20 @@ def test_an_error_that_an_interrupt_causes_is_called_one(monkeypatch: pytest.Mon
     monkeypatch.setattr(module, "run_command", lambda arguments: fail(arguments, is_interrupted=False))
     with pytest.raises(NameError):
         main([])
+
+
+def test_axes_of_the_stability_matrix() -> None:
+    assert tuple(field.AXES) == stability.AXES and tuple(field.COMPARISONS) == stability.COMPARISONS
+    assert tuple(field.SLEEPING) == stability.SLEEPING_AXES
+
+
+def test_a_scene_that_could_not_be_measured_is_an_exit_status(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(scene: str, *_: object) -> dict[str, float]:
+        if scene == "fluid":
+            raise ConfigError("no such processor")
+        return {"ns": 100.0}
+
+    monkeypatch.setattr(benchmark, "_in_fresh_process", measure)
+    words = ["bench", "field", "--sizes", "300", "--out", str(tmp_path), "--scenes"]
+    assert main([*words, "sand"]) == 0
+    assert main([*words, *FIELD_SCENES]) == 1

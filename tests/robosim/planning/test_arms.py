@@ -1,21 +1,23 @@
-"""Any arm performs a rehearsal, with its hand or without; what collides, or cannot follow, is refused by name."""
+"""All rehearsals can be planned, with any arm and its hand or without; what cannot be is refused by name."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from bundled import read_bundled, rehearsal
+from bundled import plan_of, read_bundled, rehearsal
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.base.resources import part_names
 from robosim.config.arm import BasePose
+from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.clearance import LEAST, RobotClearance
 from robosim.planning.plan import plan_motion
 from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.model import Arm
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
+from robosim.scene.field import check_field
 
 
 def change(waypoint: str = "", given: dict[str, Any] | None = None, **keys: Any) -> RehearsalConfig:
@@ -23,6 +25,29 @@ def change(waypoint: str = "", given: dict[str, Any] | None = None, **keys: Any)
     waypoints = read_bundled("rehearsals", "spoon")["waypoints"]
     changed = [one | (given or {} if one["name"] == waypoint else {}) for one in waypoints]
     return rehearsal("spoon", **({"waypoints": changed} if given else {}), **keys)
+
+
+@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "pick_bottle", "shovel", "dose_spoon", "dose_bottle"])
+def test_every_script_can_be_planned(name: str) -> None:
+    """Within the arm's limits and joint ranges; the field accepts every bundled granular material."""
+    assert plan_of(name).solution.margin > 0.01
+    for material in ("salt", "sugar", "flour", "sand", "paper"):
+        check_field(rehearsal(name), load_material(material).make_law())
+
+
+@pytest.mark.parametrize("name, changes, message", [
+    ("bottle", {"pile": {"centre": [0.7, 0, 0.01], "half": [0.01] * 3}}, "2 kinds of places hold material"),
+    ("shovel", {"pile": None}, "0 kinds of places hold material"),
+    ("shovel", {"area": None}, "0 kinds of places take material"),
+    ("spoon", {"containers": {"bucket": {"position": [0.7, 0, 0]}}}, "unknown 'bucket'; valid: source, target, tray"),
+    ("bottle", {"trajectory": "learned", "learned": []}, "needs `learned`"),
+    ("bottle", {"weigh_at": "lifted"}, "needs a dwell"),
+    ("pick_bottle", {"grasp": "weld"}, "pick with grasp: weld, trajectory: script; accepted: friction, script"),
+    ("pick_bottle", {"gripper": "none"}, "pick with gripper: none; accepted: a gripper"),
+])
+def test_invalid_rehearsals_are_refused(name: str, changes: dict, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        rehearsal(name, **changes)
 
 
 TURNS = {"ur5e": 0.0, "panda": -40.0}

@@ -13,7 +13,6 @@ from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp, put_tool
 
 CONFIG = load_rehearsal("pick_bottle")
-assert CONFIG.pick is not None
 
 
 @pytest.mark.parametrize("robot", ["iiwa14", "xarm7"])
@@ -34,7 +33,6 @@ def test_the_hand_comes_along_its_approach_direction(robot: str) -> None:
     np.testing.assert_allclose(places[0][1], places[1][1], atol=1e-4)
     data.qpos[scene.arm_qpos] = plan.motion.state(0.0).q
     stand = plan.config.standing_pose
-    assert stand is not None
     put_tool(scene, data, stand)
     mujoco.mj_forward(model, data)
     reached = body_pose(data, scene.tool)
@@ -66,7 +64,6 @@ def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it() -> 
     model.opt.timestep = 0.001
     data.qpos[scene.arm_qpos] = q = plan.motion.state(plan.path.rests["standing"][0]).q
     stand = plan.config.standing_pose
-    assert stand is not None
     put_tool(scene, data, stand)
     mujoco.mj_forward(model, data)
     grasp, still = Grasp(scene, data), np.zeros(len(q))

@@ -37,14 +37,13 @@ def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "motion.yaml").exists()
     written = result.export_ros2(tmp_path / "motion.yaml", force=True, joint_prefix="lbr_")
     assert written.name == "motion_MISSED_BOUNDS.yaml"
-    message = yaml.safe_load(written.read_text())
+    message, commands, approach, closing = (
+        yaml.safe_load((tmp_path / f"motion_MISSED_BOUNDS{part}.yaml").read_text())
+        for part in ("", "_gripper", "_approach", "_approach_gripper"))
     assert message["joint_names"] == [f"lbr_A{k}" for k in range(1, 8)]
     np.testing.assert_allclose(message["points"][0]["positions"], plan.motion.state(0.0).q, atol=1e-8)
-    commands = yaml.safe_load((tmp_path / "motion_MISSED_BOUNDS_gripper.yaml").read_text())
     assert commands["actuator_names"] == ["f1", "f2", "fm"]
     assert [point["positions"] for point in commands["points"]] == [[0.9] * 3]  # it has closed at home
-    approach, closing = (yaml.safe_load((tmp_path / f"motion_MISSED_BOUNDS_approach{part}.yaml").read_text())
-                         for part in ("", "_gripper"))
     assert approach["joint_names"] == message["joint_names"]
     np.testing.assert_allclose(approach["points"][0]["positions"], plan.arm.home, atol=1e-8)
     np.testing.assert_allclose(approach["points"][-1]["positions"], message["points"][0]["positions"], atol=1e-8)

@@ -1,5 +1,6 @@
-"""Meshes from files: exact volumes of walls, and what is wrong with a file is refused by name."""
+"""Meshes from files and curves: exact volumes, and what is wrong with a file is refused by name."""
 
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 import trimesh
 
 from robosim.base.errors import ConfigError
+from robosim.base.resources import folder
 from robosim.shapes.inside import find_inside
 from robosim.shapes.mesh_files import read_parts
+from robosim.shapes.solids import loft, make_container_shell, revolve
 
 
 def half_sphere(radius: float = 0.04, sections: int = 96) -> trimesh.Trimesh:
@@ -85,3 +88,16 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path: Path) -> None:
     (tmp_path / "tool.off").write_text("off")
     with pytest.raises(ConfigError, match=r"\.off format; accepted: .stl, .obj, .ply"):
         read_parts(tmp_path / "tool.off")
+
+
+def test_builders_give_closed_meshes_of_the_right_volume() -> None:
+    sweep = runpy.run_path(str(folder("models") / "curves.py"))["sweep"]
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 41)
+    ball = revolve(np.stack([np.cos(angle), np.sin(angle)], axis=1), 80)
+    tube = sweep(np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 1.0], 9), np.full(9, 0.1), segments=80)
+    box = loft([[[0, 0, z], [1, 0, z], [1, 1, z], [0, 1, z]] for z in (0.0, 2.0)])
+    for mesh, volume in ((ball, 4 / 3 * np.pi), (tube, np.pi * 0.01 * np.sqrt(2.0)), (box, 2.0)):
+        assert mesh.is_watertight and mesh.is_winding_consistent
+        assert mesh.volume == pytest.approx(volume, rel=0.01)
+    shell = make_container_shell((0.2, 0.15, 0.08))
+    assert shell.is_watertight and shell.body_count == 1

@@ -76,7 +76,6 @@ def test_an_own_tool_has_a_shell_and_a_lip_where_its_files_tell(ladle: ToolShape
 def test_an_own_thin_ladle_holds_grains_and_pours_them_over_its_lip(ladle: ToolShape) -> None:
     """Level it keeps all of them for 0.15 s; turned by 110 deg about its lip in 0.5 s it loses them ahead of it."""
     lip, start = ladle.lip, mpm.Pose(np.array([0.07, 0.05, 0.09]), np.array([1.0, 0.0, 0.0, 0.0]))
-    assert lip is not None
     grains = mpm.sample_box((-MIDDLE,) * 3, (MIDDLE, MIDDLE, 0.0), CELL / 2, np.random.default_rng(0))
     grains = grains[(np.linalg.norm(grains, axis=1) < MIDDLE - 3e-3) & (grains[:, 2] < -5e-3)]
     salt = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1217.0, friction_angle_deg=33.0)

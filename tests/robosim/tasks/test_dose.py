@@ -51,7 +51,6 @@ def counts(poured: int, spilled: int, held: int) -> mpm.Counts:
 
 def pose_at(task: TaskConfig, tilt_deg: float) -> mpm.Pose:
     """The tool pitched by an angle from the level."""
-    assert task.dose is not None
     level = task.start.pitch_deg if task.dose.level_pitch_deg is None else task.dose.level_pitch_deg
     return task.start.model_copy(update={"pitch_deg": level + tilt_deg}).pose
 
