@@ -76,6 +76,6 @@ class DoseConfig(Table):
     settle: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
     """Time [s] at rest after it, in which the balance settles."""
     lip: Vector3 | None = None
-    """Place in the tool's frame [m] where the material leaves it; null: the foremost point of a bundled tool's rim."""
+    """Place in the tool's frame [m] where the material leaves it; null: the tool's own lip."""
     balance: BalanceConfig = BalanceConfig()
     """Of the balance under the cup."""

@@ -178,4 +178,4 @@ def check_tool(numbers: DosingNumbers, tool: str, where: str) -> None:
     """Raise ConfigError for numbers of another tool; where: the key or command that names them."""
     if numbers.tool != tool:
         raise ConfigError(f"{where}: numbers of {numbers.task} for the tool {numbers.tool!r}; the tool is {tool!r}; "
-                          f"accepted: numbers for it, see robosim tune --curve")
+                          f"accepted: numbers for it, of robosim tune --curve --set dose.controllers=null")

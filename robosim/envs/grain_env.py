@@ -68,8 +68,8 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         given, accepted = (f"{', '.join(one.reward)} with the {one.tool_name}"
                            for one in (task, load_task(self.TASK)))
         if given != accepted:
-            raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {accepted}; any other as "
-                              f"robosim.envs.GrainEnv(task=...)")
+            raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {accepted}; any other with "
+                              f"gymnasium.make('robosim/Task-v0', task=...)")
 
     @property
     def observation(self) -> Any:

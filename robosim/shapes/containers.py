@@ -222,7 +222,8 @@ class MeshShape(ContainerShape):
 
     def shell(self) -> mpm.Shell:
         """Raise ConfigError: the walls of a mesh are closed, and a shell needs their inner face."""
-        raise ConfigError("a container from a mesh has no shell; accepted: size, radius with height, or model")
+        raise ConfigError("tool_wall: shell, with an empty container from a mesh, which has no shell; accepted: size, "
+                          "radius with height, or model for the container, or a tool_wall in metres")
 
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""
