@@ -71,7 +71,6 @@ def fill_page(page: Page, summaries: Summaries, published: dict, sources: list[P
 
 
 def _format_cell(cell: dict[str, Any] | None) -> str:
-    """Return the text of one cell's statistics."""
     if cell is None:
         return ""
     text = f"{cell['mean']:.2f}, 1 run" if cell["n"] == 1 else \

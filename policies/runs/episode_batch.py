@@ -78,16 +78,13 @@ class EpisodeBatch(SB3VecEnv):
         ended, seconds = np.flatnonzero(dones), self.updating / max(int(dones.sum()), 1)
         for e in ended:
             rows[e]["terminal_observation"] = map_parts(lambda part: np.array(part[e]), seen)  # noqa: B023
-            self._end(self._records[e].end(rows[e], self._records[e].seconds, updating=seconds))
+            episode = self._records[e].end(rows[e], self._records[e].seconds, updating=seconds)
+            if self.count < self.most:
+                self.count += 1
+                self.on_end(episode)
         if len(ended):
             self.updating, seen = 0.0, self._start(dones)
         return seen, rewards.astype(np.float32), dones, rows
-
-    def _end(self, episode: Episode) -> None:
-        """Report an episode."""
-        if self.count < self.most:
-            self.count += 1
-            self.on_end(episode)
 
     def state(self) -> dict[str, Any]:
         """Return the state of all environments and of their episodes, for a bitwise identical continuation."""

@@ -74,7 +74,6 @@ def run_here(commands: Sequence[Command], processes: int) -> Generator[Ended, No
 
 
 def _start(command: Command, core: int) -> subprocess.Popen:
-    """Start a command on a core."""
     arguments, log = command
     with log.open("ab") as output:
         process = subprocess.Popen([sys.executable, "-m", *arguments], stdout=output, stderr=output,

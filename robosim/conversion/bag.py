@@ -85,7 +85,6 @@ def collect(run: Path, recording: Recording) -> Iterator[Message]:
 
 
 def _joints(path: Path) -> Iterator[Message]:
-    """Yield joint states and wrist wrenches of trajectory.csv."""
     rows = read_rows(path)
     names = [name.removeprefix("q_").removesuffix("_rad") for name in rows[0] if name.startswith("q_")]
     columns = [form.format(name) for form in ("q_{}_rad", "qd_{}_rad_s", "sensed_torque_{}_Nm") for name in names]
@@ -97,7 +96,6 @@ def _joints(path: Path) -> Iterator[Message]:
 
 
 def _pictures(path: Path) -> Iterator[Message]:
-    """Yield the pictures of a film."""
     with av.open(str(path)) as film:
         for frame in film.decode(video=0):
             height = 2 * round(IMAGE_WIDTH * frame.height / frame.width / 2)

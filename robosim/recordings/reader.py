@@ -88,7 +88,6 @@ class Recording:
         return len(self) - before
 
     def _take(self, kind: bytes, place: Block) -> None:
-        """Take over a block."""
         if kind == SCENE:
             self._scenes.append(place)
         elif kind == GRAINS:

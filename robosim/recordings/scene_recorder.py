@@ -93,7 +93,6 @@ def read_grains(solver: mpm.Solver | None, pressures: np.ndarray | None = None) 
 
 
 def _cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[CameraEntry]:
-    """Return the cameras that stand still."""
     entries = []
     for camera in range(model.ncam):
         if model.body_weldid[model.cam_bodyid[camera]] != 0:

@@ -154,7 +154,6 @@ def test_demands_on_the_arm():
 
 
 def make(out, n: int = 1, jobs: int = 1, iterations: int = 3, **options) -> int:
-    """Make demonstrations of a short search."""
     search = SearchOptions(iterations=iterations, **options)
     return demonstrate("SpoonTranslate", out, search, n=n, jobs=jobs, film=False)
 

@@ -45,7 +45,6 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def played(folder: Path) -> list[list]:
-    """Return the transitions of the demonstrations."""
     env = make_environment(TASK, obs="moments", action_repeat=REPEAT)
     return [list(run_episode(env, np.load(folder / f"demonstration_{k}.npz")["actions"], seed=0,
                              options={"nominal": True})) for k in range(2)]

@@ -17,7 +17,6 @@ SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_
 
 
 def weights(model) -> np.ndarray:
-    """All parameters of a model's policy."""
     return np.concatenate([p.detach().numpy().ravel() for p in model.policy.parameters()])
 
 

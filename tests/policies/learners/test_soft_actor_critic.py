@@ -23,7 +23,6 @@ class Noise(gymnasium.Env):
 
 
 def make_model(kind=EnsembleSAC, policy=EnsemblePolicy, net_arch=(12, 10), **policy_options):
-    """A model with a full buffer."""
     model = kind(policy, Noise(), seed=5, batch_size=BATCH, buffer_size=64, learning_rate=1e-2, device="cpu",
                  policy_kwargs={"net_arch": list(net_arch), **policy_options})
     model.set_logger(Logger(None, []))
@@ -103,12 +102,8 @@ def test_members_do_not_depend_on_each_other(options):
             assert sizes[1] > 0 and sizes[[0, 2, 3]].max() == 0
         elif isinstance(module, EnsembleNorm):
             assert module.shift.grad[[0, 2, 3]].abs().max() == 0
-    assert {id(p) for group in make_optimizer_groups(critic) for p in group} == {id(p) for p in critic.parameters()}
-
-
-def make_optimizer_groups(critic):
-    """Parameters that the critic's optimizer moves."""
-    return [group["params"] for group in critic.optimizer.param_groups]
+    moved = {id(p) for group in critic.optimizer.param_groups for p in group["params"]}
+    assert moved == {id(p) for p in critic.parameters()}
 
 
 def test_normalised_values_ignore_the_scale_of_the_layer_before():
@@ -185,7 +180,6 @@ def add_episode(buffer: DemoReplayBuffer, number: int, rewards: list[float]) -> 
 
 
 def empty_buffer(n_envs: int = 1, size: int = 1000) -> DemoReplayBuffer:
-    """Return an empty buffer."""
     spaces = (gymnasium.spaces.Box(-bound, bound, (n,), np.float32) for bound, n in ((99, 3), (1, 2)))
     return DemoReplayBuffer(size, *spaces, "cpu", n_envs=n_envs)
 

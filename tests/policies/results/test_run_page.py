@@ -12,7 +12,6 @@ from policies.results.run_page import write_run_page
 
 
 def write_run(folder: Path, state: str, **status: object) -> None:
-    """Write the files of a run of twelve episodes."""
     folder.mkdir()
     (folder / "manifest.json").write_text(json.dumps({
         "method": "sac", "task": "SpoonPour", "seed": 3, "preset": {"gamma": 0.987}, "commit": "abc1234",

@@ -21,7 +21,6 @@ OPTIONS = {"learning_rate": 1e-3, "batch_size": 16, "learning_starts": 5, "polic
 
 
 def run(folder, *, episodes=4, starts="random", **settings):
-    """A run of SAC on SpoonTranslate to its end."""
     preset = load_preset("sac").model_copy(update={"episodes": episodes, "options": OPTIONS, "obs": "none"})
     training = Training("x", preset, "SpoonTranslate", folder,
                         TrainingOptions(action_repeat=REPEAT, starts=starts, **settings))

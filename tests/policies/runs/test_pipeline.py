@@ -104,7 +104,6 @@ def test_settings_go_to_the_stages_of_the_rehearsal(tmp_path, monkeypatch):
 
 
 def make_folder(out, *parts: str):
-    """Make a folder in another and return it."""
     folder = out.joinpath(*parts)
     folder.mkdir(parents=True, exist_ok=True)
     return folder
