@@ -44,6 +44,8 @@ class Material(Protocol):
         velocity gradient [1/s], nine entries row by row.
     return_mapping(h, vc, p, dt) -> (h, vc) after the plastic flow of dt [s], from those of the elastic trial state; vc
         is the logarithmic expansion that the law remembers, 0 for a law without volume correction.
+    viscosity -> largest dynamic viscosity [Pa s] of a stress that depends on C: it bounds the time step. A law without
+        it has none.
     energy_density(stretches) -> elastic energy [J/m^3] (n,) at principal stretches (n, 3), for NumPy arrays; not
         for the state "volume".
     stress_back(state, p, tau_bar) -> (state_bar, p_bar), and return_mapping_back(h, vc, p, dt, h_bar, vc_bar, soft)

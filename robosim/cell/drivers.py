@@ -183,7 +183,8 @@ class OwnDriver(MotionDriver):
         except (TypeError, ValueError):
             parts = np.zeros(0)
         if parts.shape != (3 if is_whole else 1, n):
-            raise self._fault(time, f"commands {given!r:.80}", f"joint angles ({n},) [rad], or a JointState of such")
+            what = f"array of shape {given.shape}" if isinstance(given, np.ndarray) else f"{given!r:.80}"
+            raise self._fault(time, f"commands {what}", f"joint angles ({n},) [rad], or a JointState of such")
         if not np.isfinite(parts).all():
             raise self._fault(time, f"commands {parts.tolist()}", "finite numbers")
         speed = (parts[0] - self._last) / self._dt

@@ -50,7 +50,7 @@ class Quantity(Table):
     value: float
     """The number itself, in this unit."""
     unit: Name
-    """The unit that the material's law takes: kg/m^3, Pa, Pa s, deg or 1."""
+    """The unit that the key's meaning has in brackets: kg/m^3, Pa, deg, ...; 1 where it has none."""
     source: Text
     """Literature, or "assumed: ..." with the reason."""
 
