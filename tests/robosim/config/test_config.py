@@ -147,10 +147,10 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
 
 def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFixture,
                                        monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(path: Path, text: str) -> None:
+    def full(path: Path, writer: object) -> None:
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr("robosim.base.output_folder.write_text", full)
+    monkeypatch.setattr("robosim.base.output_folder.write", full)
     assert main(["rehearse", "spoon", "--out", str(tmp_path / "out")]) == 1
     assert "No space left on device" in capsys.readouterr().err
 

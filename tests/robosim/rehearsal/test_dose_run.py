@@ -60,7 +60,7 @@ def test_before_its_dose_a_rehearsal_is_one_without(short: RehearsalConfig) -> N
 def test_bounds_ask_for_the_dose_in_place_of_the_delivery(short: RehearsalConfig) -> None:
     bounds = get_bounds(short)
     assert set(BOUNDS) - set(bounds) == {"delivered_fraction"}
-    assert bounds["dose_error_kg"] == pytest.approx((-4e-4, 4e-4))
+    assert bounds["dose_error_kg"][:2] == pytest.approx((-4e-4, 4e-4))
     assert set(BOUNDS) <= set(get_bounds(short.model_copy(update={"dose": None})))
 
 
