@@ -6,12 +6,13 @@ hold another volume than the column had is of another unit or scale, and is refu
 
 import math
 from pathlib import Path
+from tokenize import TokenError
 from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.format import open_memmap
 
-from mpm.array_files import MAX_ARRAYS, MAX_HEADER
+from mpm.array_files import BROKEN, MAX_ARRAYS, MAX_HEADER
 from mpm.errors import InvalidValue
 from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_bytes, read_text
@@ -181,7 +182,7 @@ def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
             if image.mode not in ("L", "I", "I;16", "I;16B", "F"):
                 raise ValueError(f"a picture of mode {image.mode}; accepted: grey levels of 8 or 16 bits")
             levels = np.array(image, float)
-    except (OSError, ValueError, EOFError, SyntaxError) as error:
+    except (*BROKEN, SyntaxError, TokenError) as error:
         raise ConfigError(f"{place}: cannot be read: {error}") from None
     if heap.height_per_level is None:
         raise ConfigError(f"{place}: key 'height_per_level' is missing; accepted: the height of a grey level "

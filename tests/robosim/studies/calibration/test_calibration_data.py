@@ -136,6 +136,14 @@ def test_files_that_are_no_maps_are_refused(tmp_path: Path) -> None:
             read_heap("lab", make_heap(tmp_path / name))
 
 
+@pytest.mark.parametrize("shape", ["(9, 9)", "(99999, 9999)", "(9223372036854775808, 9)", "(-9, 9)", "(True, 9)", "(9"])
+def test_a_header_that_promises_something_else_is_refused(shape: str, tmp_path: Path) -> None:
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117).encode() + b"\n"
+    (tmp_path / "heap.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + header)
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_heap("lab", make_heap(tmp_path / "heap.npy"))
+
+
 def make_pour(path: Path, lines: list[str]) -> PourExperiment:
     path.write_text("\n".join(["t,m", *lines]))
     return PourExperiment.model_validate({
