@@ -1,5 +1,7 @@
-"""Atomic writing: under its name a file is always whole, whatever ends the process, and a failure keeps the old one."""
+"""Atomic writing: under its name a file is always whole, whatever ends the process, and a failure keeps the old one.
+And texts: of values in messages, and of code without its comments and docstrings."""
 
+import ast
 import os
 import reprlib
 import secrets
@@ -23,6 +25,17 @@ def write(path: Path, writer: Callable[[Path], object]) -> None:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def syntax_of(source: str) -> ast.Module:
+    """Return the syntax tree of a source without docstrings, those that follow constants and attributes among them."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [one for one in body if not (  # pyright: ignore[reportAttributeAccessIssue]
+                isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str))]
+    return tree
 
 
 def quote(value: object) -> str:

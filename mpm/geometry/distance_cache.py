@@ -2,6 +2,7 @@
 A lattice is found by its mesh, place and spacing, and by the code that computes it. The variable MPM_CACHE names
 another folder; where it is empty nothing is kept."""
 
+import ast
 import contextlib
 import functools
 import hashlib
@@ -15,13 +16,11 @@ import trimesh
 from mpm.array_files import read_arrays
 from mpm.backend.cache_folder import user_cache_folder, writable_folder
 from mpm.errors import InvalidValue
-from mpm.files import write
+from mpm.files import syntax_of, write
 from mpm.geometry import mesh_distance
 
-VARIABLE = "MPM_CACHE"
-"""Variable of the environment that names the folder."""
-LARGEST_FOLDER = 1_000_000_000
-"""Bytes from which the lattices that were written first are removed."""
+VARIABLE = "MPM_CACHE"  # variable of the environment that names the folder
+LARGEST_FOLDER = 1_000_000_000  # bytes from which the lattices that were written first are removed
 
 
 def kept_lattice(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...],
@@ -70,8 +69,9 @@ def _digest(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, sha
 
 @functools.cache
 def _code() -> bytes:
-    """Return what stands for the code that computes distances."""
-    return Path(mesh_distance.__file__).read_bytes() + f"{np.__version__} {trimesh.__version__}".encode()
+    """Return what stands for the code that computes distances: its syntax, and the libraries' versions."""
+    syntax = ast.dump(syntax_of(Path(mesh_distance.__file__).read_text(encoding="utf-8")))
+    return f"{syntax} {np.__version__} {trimesh.__version__}".encode()
 
 
 def _make_room(folder: Path) -> None:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import platformdirs
 
 from mpm.backend.cache_folder import writable_folder
+from mpm.files import syntax_of
 from robosim.base.files import write_json
 from robosim.base.input_files import check_form, read_json
 from robosim.base.resources import folder
@@ -122,23 +123,16 @@ def read_module(path: Path) -> Module:
 
 
 def parse_module(source: str) -> Module:
-    """Return digest and imports of a source; texts that follow constants and attributes are docstrings, too."""
+    """Return digest and imports of a source."""
     names: set[str] = set()
-    tree = ast.parse(source)
+    tree = syntax_of(source)
     for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [one for one in body if not _is_text(one)]  # pyright: ignore[reportAttributeAccessIssue]
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     return Module(hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:8],
                   sorted(name for name in names if name.split(".")[0] in PACKAGES))
-
-
-def _is_text(node: ast.AST) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 @cache
