@@ -1,8 +1,4 @@
-"""Drivers of a rehearsal: what commands the joints, step by step.
-
-A plan or a recording of the real arm is followed as it is (`MotionDriver`), a dose interrupts it (`DosingDriver`), or
-an object or function of the user's own gives each command (`OwnDriver`).
-"""
+"""Drivers of a rehearsal: what commands the joints, step by step; `DosingDriver` stands in a file of its own."""
 
 from collections import deque
 from collections.abc import Callable
@@ -12,7 +8,6 @@ import numpy as np
 
 import mpm
 from robosim.base.errors import ConfigError, DriverFault
-from robosim.cell.dosing_stage import DosingStage
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointMotion, JointState
 
@@ -59,7 +54,7 @@ class MotionDriver:
     @property
     def duration(self) -> float:
         """Simulated time [s] of the run, as far as it is known."""
-        return self._start + self.motion.duration
+        return self._start + self.motion.duration + self.delay
 
     def command(self, time: float) -> JointState:
         """Return the joints' command for the step from a simulated time [s] on."""
@@ -78,64 +73,13 @@ class MotionDriver:
         return self.duration
 
 
-class DosingDriver(MotionDriver):
-    """Commands a planned motion that rests at a waypoint while a dose runs.
-
-    begin: simulated time [s] at which the dose begins. held: returns the load in the tool [kg].
-    """
-
-    def __init__(self, motion: JointMotion, start: float, latency: float, stage: DosingStage, begin: float,
-                 held: Callable[[], float]) -> None:
-        super().__init__(motion, start, latency)
-        self.stage, self.begin, self._held = stage, begin, held
-
-    @property
-    def is_open_ended(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]  (it changes in the run)
-        """Whether the dose runs."""
-        return self.stage.is_running
-
-    @property
-    def delay(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Time [s] by which the dose has delayed the motion; 0 until it is over."""
-        return self.stage.duration
-
-    @property
-    def duration(self) -> float:
-        """Simulated time [s] of the run, as far as it is known."""
-        return super().duration + self.stage.duration
-
-    def command(self, time: float) -> JointState:
-        """Return the command of the dose while it runs, else that of the motion."""
-        if self.stage.begin is None and time >= self.begin:
-            self.stage.start(time, self._held())
-        return self.stage.step(time) if self.stage.is_running else super().command(time)
-
-    def motion_time(self, time: float) -> float:
-        """Return the time [s] of the motion at a simulated time [s]; it rests while the dose runs."""
-        stage = self.stage
-        if stage.begin is None or time < stage.begin:
-            return time - self._start
-        rest = stage.begin - self._start
-        return rest if stage.end is None or time < stage.end else time - self._start - stage.duration
-
-    def is_dosing_at(self, time: float) -> bool:
-        """Return whether the dose decides the motion at a simulated time [s]."""
-        stage = self.stage
-        return stage.begin is not None and stage.begin <= time <= (stage.end or np.inf)
-
-    def expected_duration(self, time: float) -> float:
-        """Return the simulated time [s] of the run, if the dose ended at a time, where it runs then."""
-        stage = self.stage
-        return self.duration + (time - stage.begin if stage.is_running and stage.begin else 0.0)
-
-
 class OwnDriver(MotionDriver):
     """Commands what a user's object or function returns, and checks it before anything moves.
 
     own: a function of a `RobotState`, or an object with such a method `command`, and with a `duration` [s] where it is
     not that of the plan. It is called in every step from the motion's start on, and returns joint angles (n,) [rad] or
-    a `JointState`. read: returns the robot's state, given the motion's time [s] and its command.
-    dt: of a step [s]. Raises ConfigError for what cannot be called.
+    a `JointState`. read: returns the robot's state, given the motion's time [s] and its command. dt: of a step [s].
+    Raises ConfigError for what cannot be called.
     """
 
     is_own = True
@@ -157,14 +101,10 @@ class OwnDriver(MotionDriver):
 
     @property
     def duration(self) -> float:
-        """Simulated time [s] of the run."""
         return self._start + self._length
 
     def command(self, time: float) -> JointState:
-        """Return the driver's command that arrives for the step from a simulated time [s] on.
-
-        Raises DriverFault for one that cannot be followed: its time, what it is, and the limit.
-        """
+        """Raise DriverFault for a command that cannot be followed: its time, what it is, and the limit."""
         since = self.motion_time(time)
         planned = self.motion.state(since)
         if since < -0.5 * self._dt:
@@ -175,7 +115,6 @@ class OwnDriver(MotionDriver):
         return self._sent[0]
 
     def _check(self, given: Any, time: float) -> JointState:
-        """Return a command as a joint state; raises DriverFault."""
         arm, n = self._arm, len(self._last)
         is_whole = isinstance(given, JointState)
         try:
@@ -184,20 +123,18 @@ class OwnDriver(MotionDriver):
             parts = np.zeros(0)
         if parts.shape != (3 if is_whole else 1, n):
             what = f"array of shape {given.shape}" if isinstance(given, np.ndarray) else f"{given!r:.80}"
-            raise self._fault(time, f"commands {what}", f"joint angles ({n},) [rad], or a JointState of such")
+            raise DriverFault(self.name, time, f"commands {what}",
+                              f"joint angles ({n},) [rad], or a JointState of such")
         if not np.isfinite(parts).all():
-            raise self._fault(time, f"commands {parts.tolist()}", "finite numbers")
+            raise DriverFault(self.name, time, f"commands {parts.tolist()}", "finite numbers")
         speed = (parts[0] - self._last) / self._dt
         for k, name in enumerate(arm.joints):
             if not arm.lower[k] <= parts[0][k] <= arm.upper[k]:
-                raise self._fault(time, f"commands joint {name} to {parts[0][k]:.4f} rad",
+                raise DriverFault(self.name, time, f"commands joint {name} to {parts[0][k]:.4f} rad",
                                   f"{arm.lower[k]:.4f} to {arm.upper[k]:.4f} rad")
             fastest = max(abs(speed[k]), abs(parts[1][k]) if is_whole else 0.0)
             if fastest > arm.velocity[k] * (1.0 + ROUNDING):
-                raise self._fault(time, f"commands joint {name} at {fastest:.4g} rad/s",
+                raise DriverFault(self.name, time, f"commands joint {name} at {fastest:.4g} rad/s",
                                   f"up to {arm.velocity[k]:.4g} rad/s")
         q, qd, qdd = parts if is_whole else (parts[0], speed, np.zeros(n))
         return JointState(np.asarray(q), np.asarray(qd), np.asarray(qdd))
-
-    def _fault(self, time: float, what: str, accepted: str) -> DriverFault:
-        return DriverFault(self.name, time, what, accepted)

@@ -1,6 +1,6 @@
 """Numbers and texts of configuration files with the bounds that they are accepted in, and the reason of each."""
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import pydantic
 from pydantic import Field
@@ -45,6 +45,10 @@ Share = Annotated[float, Field(ge=1e-3, le=1.0)]
 RangeEnd = Annotated[float, Field(ge=-1e13, le=1e13)]
 # Masses on a robot's tool.
 Mass = Annotated[float, Field(ge=0.0, le=1000.0)]
+LEAST_DOSE, LARGEST_DOSE = 1.0, 60.0
+"""Masses [g] that are dosed."""
+Axis = Literal["x", "y", "z"]
+"""Of a tool's frame; x of the bundled tools points to the tip."""
 # Colours are shares of full intensity.
 Intensity = Annotated[float, Field(ge=0.0, le=1.0)]
 # Names stand in tables and messages, texts on a page; Linux takes paths of up to 4096 characters.

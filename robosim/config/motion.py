@@ -6,7 +6,7 @@ import pydantic
 from pydantic import Field
 
 from robosim.config.arm import PerJoint
-from robosim.config.bounds import MAX_ENTRIES, FilePath, Name, RangeEnd, Share
+from robosim.config.bounds import LARGEST_DOSE, LEAST_DOSE, MAX_ENTRIES, Axis, FilePath, Name, RangeEnd, Share
 from robosim.config.table import Table, Vector3
 
 
@@ -55,7 +55,7 @@ class DoseConfig(Table):
     at: Name | Annotated[int, Field(ge=1, le=MAX_ENTRIES)]
     """Waypoint at which it begins, by name or place in the list (from 0): the tool rests there, level, with its lip
     near the middle of the cup."""
-    target_g: Annotated[float, Field(ge=1.0, le=60.0)]
+    target_g: Annotated[float, Field(ge=LEAST_DOSE, le=LARGEST_DOSE)]
     """Mass that is wanted [g]."""
     cup: Name | None = None
     """Container that takes the dose and stands on the balance; null: the only empty one."""
@@ -69,7 +69,7 @@ class DoseConfig(Table):
     """Time between two readings of the balance, and two commands [s]."""
     largest_tilt_deg: Annotated[float, Field(gt=0.0, le=180.0)] = 120.0
     """Tilt [deg] up to which the arm must be able to follow, and beyond which no command goes."""
-    vibration_axis: Literal["x", "y", "z"] = "x"
+    vibration_axis: Axis = "x"
     """Axis of the tool's frame along which it vibrates; x of the bundled tools points to the tip."""
     time_limit: Annotated[float, Field(ge=1.0, le=600.0)] = 60.0
     """Time [s] after which the tool is tilted back whatever the controller commands."""

@@ -34,7 +34,10 @@ class CoupledBodies:
         self.dynamic = [name for name in self.moving if name not in self.driven]
         """Bodies that MuJoCo moves, and that the grains push."""
         for name, c in self.colliders.items():
-            self._check_in_grid(name, colliders[c])
+            if self._is_outside_grid(name, colliders[c]):
+                raise ConfigError(f"body {name!r} is at {tuple(data.xpos[self.ids[name]].round(4))} m, outside the "
+                                  f"solver's grid {solver.grid.lower} .. {solver.grid.upper} m; enlarge the grid, or "
+                                  f"place the body in it")
         if any(c is not old for c, old in zip_longest(colliders, solver.colliders)):
             solver.set_colliders(colliders)
 
@@ -43,13 +46,12 @@ class CoupledBodies:
         return body_pose(self._data, self.ids[name])
 
     def find_outside_grid(self) -> set[str]:
-        """Find the moving bodies that lie outside the solver's grid."""
+        """Find the moving bodies whose bounding balls lie outside the solver's grid."""
         return {name for name in self.moving
                 if self._is_outside_grid(name, self._solver.colliders[self.colliders[name]])}
 
     def _make_colliders(self, bodies: dict[str, int | None],
                         is_mobile: bool) -> tuple[dict[str, int], list[mpm.Collider]]:
-        """Index of each body's collider, and all colliders of the solver including the new ones."""
         indices, colliders = {}, list(self._solver.colliders)
         for name, collider in bodies.items():
             if collider is None:
@@ -67,12 +69,6 @@ class CoupledBodies:
         grid, radius, position = self._solver.grid, collider.sdf.radius, self._data.xpos[self.ids[name]]
         upper = np.asarray(grid.lower) + grid.cells * grid.cell
         return bool(np.any(position + radius < grid.lower) or np.any(position - radius > upper))
-
-    def _check_in_grid(self, name: str, collider: mpm.Collider) -> None:
-        if self._is_outside_grid(name, collider):
-            raise ConfigError(f"body {name!r} is at {tuple(self._data.xpos[self.ids[name]].round(4))} m, outside the "
-                              f"solver's grid {self._solver.grid.lower} .. {self._solver.grid.upper} m; enlarge the "
-                              f"grid, or place the body in it")
 
 
 def check_bodies(model: mujoco.MjModel, solver: mpm.Solver, bodies: dict[str, int | None]) -> None:

@@ -1,5 +1,7 @@
 """Colliders from the geoms of a MuJoCo body."""
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 import trimesh
@@ -19,8 +21,7 @@ def make_collider(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: f
 
     Colliding geoms count, or all geoms if none collides: visual geoms are left out. excluded: bodies with colliders of
     their own. cell: the grid's spacing [m], to which meshes are sampled. Friction is the largest sliding friction of
-    the geoms. A body fixed to the world becomes a static collider. Raises ConfigError for a body without geoms, for a
-    mesh that is not closed, and for an unknown type of geom.
+    the geoms. A body fixed to the world becomes a static collider. Raises ConfigError for what makes no collider.
     """
     parts_of_body = [b for b in range(model.nbody) if b == body or _is_fixed_to(model, b, body, excluded - {body})]
     geoms = np.flatnonzero(np.isin(model.geom_bodyid, parts_of_body))
@@ -49,26 +50,19 @@ def _is_fixed_to(model: mujoco.MjModel, body: int, ancestor: int, excluded: froz
 
 
 def _make_solid(model: mujoco.MjModel, geom: int, cell: float) -> Shape:
-    """Make the solid of one geom, in the geom's frame."""
-    size, kind = model.geom_size[geom], mujoco.mjtGeom(model.geom_type[geom])
-    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
-        return mpm.Sdf.plane()
-    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return mpm.Sdf.sphere(size[0])
-    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        return mpm.Sdf.capsule(size[0], size[1])
-    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        return mpm.Sdf.ellipsoid(tuple(size))
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return mpm.Sdf.cylinder(size[0], size[1])
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return mpm.Sdf.box(tuple(size))
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        return _make_mesh(model, geom, cell)
-    if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
-        return _make_height_field(model, int(model.geom_dataid[geom]))
-    raise ConfigError(f"geom {_describe(model, geom)} is of type {kind.name}; accepted: plane, sphere, capsule, "
-                      f"ellipsoid, cylinder, box, mesh, height field")
+    size, kinds = model.geom_size[geom], mujoco.mjtGeom
+    kind = kinds(model.geom_type[geom])
+    makers: dict[mujoco.mjtGeom, Callable[[], Shape]] = {
+        kinds.mjGEOM_PLANE: mpm.Sdf.plane, kinds.mjGEOM_SPHERE: lambda: mpm.Sdf.sphere(size[0]),
+        kinds.mjGEOM_CAPSULE: lambda: mpm.Sdf.capsule(size[0], size[1]),
+        kinds.mjGEOM_ELLIPSOID: lambda: mpm.Sdf.ellipsoid(tuple(size)),
+        kinds.mjGEOM_CYLINDER: lambda: mpm.Sdf.cylinder(size[0], size[1]),
+        kinds.mjGEOM_BOX: lambda: mpm.Sdf.box(tuple(size)), kinds.mjGEOM_MESH: lambda: _make_mesh(model, geom, cell),
+        kinds.mjGEOM_HFIELD: lambda: _make_height_field(model, int(model.geom_dataid[geom]))}
+    if kind not in makers:
+        raise ConfigError(f"geom {_describe(model, geom)} is of type {kind.name}; accepted: plane, sphere, capsule, "
+                          f"ellipsoid, cylinder, box, mesh, height field")
+    return makers[kind]()
 
 
 def _describe(model: mujoco.MjModel, geom: int) -> str:

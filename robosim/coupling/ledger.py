@@ -11,10 +11,7 @@ from mpm.state.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW, WALL_ROW
 
 
 class Impulse(NamedTuple):
-    """Linear [N s] (3,) and angular [N m s] (3,) impulse in world axes.
-
-    The angular one is about the world's origin.
-    """
+    """Linear [N s] (3,) and angular [N m s] (3,) impulse in world axes, about the world's origin."""
 
     linear: np.ndarray
     angular: np.ndarray
@@ -40,12 +37,8 @@ class Ledger(NamedTuple):
 
     @property
     def exchanged(self) -> np.ndarray:
-        """Sum of the magnitudes of all impulses (2,): linear, angular.
-
-        It is the scale of `residual`.
-        """
-        parts = [self.gravity, self.walls, self.static, self.sleepers, *self.bodies.values()]
-        rows = np.array(parts)
+        """Sum of the magnitudes of all impulses (2,), linear and angular: the scale of `residual`."""
+        rows = np.array([self.gravity, self.walls, self.static, self.sleepers, *self.bodies.values()])
         return np.sqrt((rows * rows).sum(2)).sum(0)
 
 
@@ -54,10 +47,7 @@ def _impulse(row: np.ndarray) -> Impulse:
 
 
 def close_ledger(solver: mpm.Solver, before: Momentum, bodies: dict[str, int]) -> Ledger:
-    """Balance the solver's last advance.
-
-    before: momentum of the grains at its start. bodies: name -> index of the collider.
-    """
+    """Balance the solver's last advance; before: the grains' momentum then; bodies: name -> collider's index."""
     grains = np.concatenate(solver.momentum_after_advance()) - np.concatenate(before)
     rows = solver.ledger
     on_grains = {name: rows[FIRST_COLLIDER_ROW + collider] for name, collider in bodies.items()}

@@ -1,7 +1,5 @@
 """Mobility of the coupled bodies, probed from MuJoCo's own step."""
 
-from typing import NamedTuple
-
 import mujoco
 import numpy as np
 
@@ -22,26 +20,8 @@ RANK = 1e-9
 """Share of the largest singular value below which a direction of motion counts as constrained."""
 
 
-class Prediction(NamedTuple):
-    """Predicted motion of the coupled bodies over a step.
-
-    In world axes about their centres of mass.
-    """
-
-    twists: np.ndarray
-    """At the step's start (B, 6): linear [m/s], angular [rad/s]."""
-    free_twists: np.ndarray
-    """At its end, without any impulse of the grains (B, 6)."""
-    mobility: np.ndarray
-    """Change of the twists at its end by impulses on the bodies (6 B, 6 B)."""
-
-
 class MobilityProbe:
-    """Probes how the bodies of a `TrialStep` respond to impulses.
-
-    The responses include the robot's posture, its drives, joint friction and grasp as they are now, because they are
-    MuJoCo's own.
-    """
+    """Probes how the bodies of a `TrialStep` respond to impulses, with their drives, friction and grasp."""
 
     def __init__(self, trial: TrialStep) -> None:
         self.trial, self.model, self.data = trial, trial.model, trial.data
@@ -50,10 +30,13 @@ class MobilityProbe:
         self._qpos, self._qvel, self._qacc, self._act = data.qpos, data.qvel, data.qacc, data.act
         self._warmstart, self._wrenches = data.qacc_warmstart, data.xfrc_applied
 
-    def predict(self, wrenches: np.ndarray) -> Prediction:
+    def predict(self, wrenches: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Predict the step about the expected wrenches of the grains (nbody, 6).
 
-        The scene is left in the state after `TrialStep.begin`. Raises RobotDiverged for a response that is not finite.
+        Returns the bodies' twists at its start (B, 6), linear [m/s] and angular [rad/s]; those at its end without any
+        impulse of the grains (B, 6); and the change of the twists at its end by impulses on the bodies (6 B, 6 B), all
+        in world axes about their centres of mass. The scene is left in the state after `TrialStep.begin`. Raises
+        RobotDiverged for a response that is not finite.
         """
         n, h = len(self.trial.bodies), self.model.opt.timestep
         twists, jacobian = self.trial.twists(), self.trial.jacobian()
@@ -63,15 +46,12 @@ class MobilityProbe:
             raise RobotDiverged(float(self.data.time), ["the response to a probing impulse is not finite"])
         W = project_mobility(jacobian @ responses)
         self._mobility, self._responses = W, responses
-        prediction = Prediction(twists, self.trial.twists() - (W @ impulses).reshape(n, 6), W)
+        free_twists = self.trial.twists() - (W @ impulses).reshape(n, 6)
         self.trial.restore()
-        return prediction
+        return twists, free_twists, W
 
     def _probe_joint_velocities(self, wrenches: np.ndarray) -> np.ndarray:
-        """Probe the change of the joint velocities (nv, 6 B) per impulse on the bodies.
-
-        Leaves the scene at the end of the step under `wrenches` alone, its frames up to date.
-        """
+        """Probe the change of the joint velocities (nv, 6 B) per impulse; leave the scene as after `wrenches` alone."""
         n, h = len(self.trial.bodies), self.model.opt.timestep
         masses = self.model.body_mass[self.trial.bodies]
         self._wrenches += wrenches

@@ -59,7 +59,11 @@ class GranularPlugin:
         if id(data) in _plugins:
             raise ConfigError("another plugin steps this MjData already, and each would take a step of its own; give "
                               "all grains to one solver as bodies, and all coupled bodies to one plugin")
-        _check_host_step(model, solver)
+        if solver.numerics.dt is not None:
+            ratio = model.opt.timestep / solver.numerics.dt
+            if abs(ratio - round(ratio)) > 1e-6 * ratio:
+                raise ConfigError(f"the host step {model.opt.timestep} s is {ratio:.6g} substeps of "
+                                  f"{solver.numerics.dt} s; accepted: a whole number, or dt=None for the solver")
         self.model, self.data, self.solver = model, data, solver
         self.coupling, self.tolerance = coupling, tolerance
         mujoco.mj_kinematics(model, data)
@@ -112,7 +116,10 @@ class GranularPlugin:
         momentum = self.solver.momentum_after_advance()
         self._move_driven_bodies()
         if self._reach.is_apart():
-            self._step_apart()
+            self.repeats, self.is_missed = 0, False
+            self._wrenches[:] = 0.0
+            self._advance_grains()
+            self._trial.finish()
         else:
             self._step_together()
         self.ledger = close_ledger(self.solver, momentum, self._bodies.colliders)
@@ -130,13 +137,6 @@ class GranularPlugin:
             if not self.is_missed or self.repeats == MAX_REPEATS:
                 break
             self._scheme.roll_back()
-
-    def _step_apart(self) -> None:
-        """Step 3, and MuJoCo's step without grains."""
-        self.repeats, self.is_missed = 0, False
-        self._wrenches[:] = 0.0
-        self._advance_grains()
-        self._trial.finish()
 
     def restart(self) -> None:
         """Forget the last step; call it after `mj_resetData` or `Solver.load`."""
@@ -231,12 +231,3 @@ class GranularPlugin:
         bad = [w.name for w in BAD_STATES if self.data.warning[w].number > 0]
         if bad:
             raise RobotDiverged(float(self.data.time), [f"MuJoCo reports {name}" for name in bad])
-
-
-def _check_host_step(model: mujoco.MjModel, solver: mpm.Solver) -> None:
-    """Raise ConfigError unless a substep that the user chose divides the host step."""
-    if solver.numerics.dt is not None:
-        ratio = model.opt.timestep / solver.numerics.dt
-        if abs(ratio - round(ratio)) > 1e-6 * ratio:
-            raise ConfigError(f"the host step {model.opt.timestep} s is {ratio:.6g} substeps of "
-                              f"{solver.numerics.dt} s; accepted: a whole number, or dt=None for the solver")

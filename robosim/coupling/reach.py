@@ -61,7 +61,7 @@ class Reach:
         return self._is_apart
 
     def _may_have_changed(self, poses: np.ndarray) -> bool:
-        """Whether the answer of the last measurement may be another for bodies at poses (B, 7)."""
+        """Whether bodies at poses (B, 7) may change the answer of the last measurement."""
         if not len(self._gaps):
             return True
         chords = np.minimum(lengths(poses[:, 3:] - self._poses[:, 3:]), lengths(poses[:, 3:] + self._poses[:, 3:]))

@@ -12,18 +12,16 @@ NEGLIGIBLE_SPEED = 1e-3
 
 
 class ExplicitScheme:
-    """Prediction of the bodies' motion with known wrenches.
-
-    Those of the step before ("lagged"), or none ("one_way").
-    """
+    """Prediction of the bodies' motion with known wrenches: of the step before ("lagged"), or none ("one_way")."""
 
     def __init__(self, trial: TrialStep, solver: mpm.Solver, bodies: CoupledBodies) -> None:
         self._trial, self._solver, self._bodies = trial, solver, bodies
         self.error = np.zeros((len(bodies.dynamic), 6))
-        """Not measured: zero (B, 6)."""
+        """Twists (B, 6) after the last step less those that the solver found: linear [m/s], angular [rad/s]; zero where
+        none are found."""
 
     def predict(self, wrenches: np.ndarray) -> None:
-        """Predict the poses at the step's end under wrenches (nbody, 6) of the grains."""
+        """Predict the step under expected wrenches (nbody, 6) of the grains."""
         self._ends = self._trial.predict_poses(wrenches)
 
     def hand_over(self) -> None:
@@ -39,14 +37,14 @@ class ExplicitScheme:
             self._solver.set_collider_motion(self._bodies.colliders[name], here, here, jump=True)
 
     def is_accepted(self, wrenches: np.ndarray) -> bool:
-        """Accept every step."""
+        """Return whether MuJoCo's step under wrenches (nbody, 6) of the grains is as predicted; here always."""
         return True
 
     def roll_back(self) -> None:
-        """Do nothing: no step is repeated."""
+        """Return to the step's start; here no step is repeated."""
 
 
-class MobilityScheme:
+class MobilityScheme(ExplicitScheme):
     """Prediction of the bodies' free motion and mobility.
 
     The solver solves contact and the bodies' motion together. tolerance: share of a body's change of velocity by grains
@@ -54,36 +52,27 @@ class MobilityScheme:
     """
 
     def __init__(self, trial: TrialStep, solver: mpm.Solver, bodies: CoupledBodies, tolerance: float | None) -> None:
-        self._trial, self._solver, self._bodies, self._tolerance = trial, solver, bodies, tolerance
-        self._probe = MobilityProbe(trial)
-        self.error = np.zeros((len(bodies.dynamic), 6))
-        """Twists (B, 6) after the last step less those that the solver found: linear [m/s], angular [rad/s]."""
+        super().__init__(trial, solver, bodies)
+        self._tolerance, self._probe = tolerance, MobilityProbe(trial)
 
     def predict(self, wrenches: np.ndarray) -> None:
-        """Predict free twists and mobility; store the solver's state.
-
-        wrenches (nbody, 6): those that the grains are expected to exert.
-        """
-        self._prediction = self._probe.predict(wrenches)
-        self._free_twists = self._prediction.free_twists.copy()
+        self._twists, self._free_twists, self._W = self._probe.predict(wrenches)
         self._relaxation: float = 1.0
         self._last_error: np.ndarray | None = None
         if self._tolerance is not None:
             self._solver.store_checkpoint()
 
     def hand_over(self) -> None:
-        """Hand the bodies' poses, twists and mobilities to the solver."""
-        bodies, prediction = self._bodies, self._prediction
+        bodies = self._bodies
         indices = [bodies.colliders[name] for name in bodies.dynamic]
-        W = prediction.mobility.reshape(len(indices), 6, len(indices), 6)
+        W = self._W.reshape(len(indices), 6, len(indices), 6)
         for i, name in enumerate(bodies.dynamic):
             self._solver.set_collider_mobility(
-                indices[i], W[i, :, i], self._free_twists[i], twist=prediction.twists[i], pose=bodies.pose(name),
+                indices[i], W[i, :, i], self._free_twists[i], twist=self._twists[i], pose=bodies.pose(name),
                 centre=self._trial.data.xipos[bodies.ids[name]],
                 others={indices[j]: W[i, :, j] for j in range(len(indices)) if j != i})
 
     def park(self) -> None:
-        """Leave the bodies' colliders where the bodies are now, at rest; nothing is predicted wrongly."""
         self.error[:] = 0.0
         for name in self._bodies.dynamic:
             self._solver.set_collider_mobility(self._bodies.colliders[name], np.zeros((6, 6)), np.zeros(6),
@@ -92,8 +81,7 @@ class MobilityScheme:
     def is_accepted(self, wrenches: np.ndarray) -> bool:
         """Measure `error` after MuJoCo's step; compare it with the tolerance.
 
-        wrenches (nbody, 6): those that were applied. Bodies that grains push are first moved to the poses that the
-        solver found.
+        Bodies that grains push are first moved to the poses that the solver found.
         """
         bodies, solver = self._bodies, self._solver
         solved = np.array([np.concatenate(solver.collider_twist(bodies.colliders[name])) for name in bodies.dynamic])
@@ -108,10 +96,7 @@ class MobilityScheme:
         return not np.any(self._speeds(self.error) > allowed)
 
     def roll_back(self) -> None:
-        """Return to the step's start, with the free twists corrected by the error.
-
-        The responses are linearised: the correction is under-relaxed by Aitken's rule.
-        """
+        """Return to the step's start, with the free twists corrected by the error, under-relaxed by Aitken's rule."""
         if self._last_error is not None:
             change = (self.error - self._last_error).ravel()
             ratio = self._last_error.ravel() @ change / max(change @ change, 1e-300)

@@ -15,10 +15,7 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 @contextmanager
 def disable_control_callback() -> Iterator[None]:
-    """Switch the user's control callback off during trial steps.
-
-    It acts once per accepted step.
-    """
+    """Switch the user's control callback off during trial steps: it acts once per accepted step."""
     callback = mujoco.get_mjcb_control()
     mujoco.set_mjcb_control(None)
     try:
@@ -28,11 +25,10 @@ def disable_control_callback() -> Iterator[None]:
 
 
 class TrialStep:
-    """One `mj_step` that can be tried any number of times before it is accepted.
+    """One `mj_step` that can be tried before it is accepted; bodies: MuJoCo indices of the coupled bodies.
 
-    A step is `begin` (positions and velocities), any number of trials, and `finish`; together they are one `mj_step`.
-    A Runge-Kutta step calls the user's control callback in `finish`, as often as `mj_step` does; its trials use the
-    last controls. bodies: MuJoCo indices of the coupled bodies.
+    A step is `begin` (positions and velocities), any number of trials, and `finish`. A Runge-Kutta step calls the
+    user's control callback in `finish`, as often as `mj_step` does; its trials use the last controls.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, bodies: list[int]) -> None:
@@ -44,10 +40,7 @@ class TrialStep:
         self._integrate = mujoco.mj_Euler if is_euler else mujoco.mj_implicit
 
     def begin(self) -> None:
-        """Evaluate positions and velocities, and store the state.
-
-        They are up to date even where the user changed qpos since the last step.
-        """
+        """Evaluate positions and velocities, also where the user changed qpos since, and store the state."""
         if self.is_runge_kutta:
             with disable_control_callback():
                 mujoco.mj_forward(self.model, self.data)
@@ -56,10 +49,7 @@ class TrialStep:
         mujoco.mj_getState(self.model, self.data, self._start, STATE)
 
     def finish(self) -> None:
-        """Step under the forces in data.
-
-        Frames and velocities are then those after the step.
-        """
+        """Step under the forces in data; frames and velocities are then those after the step."""
         if self.is_runge_kutta:
             mujoco.mj_step(self.model, self.data)
         else:
@@ -67,10 +57,7 @@ class TrialStep:
         self.update_frames()
 
     def roll_back(self) -> None:
-        """Return to the state after `begin`.
-
-        The user's control callback is not called again.
-        """
+        """Return to the state after `begin`, without another call of the user's control callback."""
         mujoco.mj_setState(self.model, self.data, self._start, STATE)
         for evaluate in (mujoco.mj_fwdPosition, mujoco.mj_sensorPos, mujoco.mj_fwdVelocity, mujoco.mj_sensorVel):
             evaluate(self.model, self.data)
@@ -86,10 +73,7 @@ class TrialStep:
             self._integrate(self.model, self.data)
 
     def restore(self) -> None:
-        """Return to the state after `begin` from trials of `integrate_velocities`.
-
-        These change the frames, but nothing else that is computed from positions: cheaper than `roll_back`.
-        """
+        """Return to the state after `begin` from trials of `integrate_velocities`, which change frames alone."""
         if self.is_runge_kutta:
             self.roll_back()
         else:
@@ -97,10 +81,7 @@ class TrialStep:
             self.update_frames()
 
     def predict_poses(self, wrenches: np.ndarray) -> list[mpm.Pose]:
-        """Predict the bodies' world poses after the step under wrenches (nbody, 6).
-
-        They are added to the scene's forces.
-        """
+        """Predict the bodies' world poses after the step under wrenches (nbody, 6) besides the scene's forces."""
         self.data.xfrc_applied += wrenches
         if self.is_runge_kutta:
             with disable_control_callback():
@@ -118,10 +99,7 @@ class TrialStep:
         mujoco.mj_comVel(self.model, self.data)
 
     def twists(self) -> np.ndarray:
-        """Return the twists (B, 6) of the bodies: linear, angular.
-
-        In world axes about their centres of mass.
-        """
+        """Return the twists (B, 6) of the bodies, linear and angular, in world axes about their centres of mass."""
         result, row = np.empty((len(self.bodies), 6)), np.empty(6)
         for i, body in enumerate(self.bodies):
             mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, body, row, 0)
@@ -129,10 +107,7 @@ class TrialStep:
         return result
 
     def jacobian(self) -> np.ndarray:
-        """Return the bodies' twists per joint velocity (6 B, nv).
-
-        Rows are in the order of `twists`.
-        """
+        """Return the bodies' twists per joint velocity (6 B, nv), rows in the order of `twists`."""
         rows = []
         for body in self.bodies:
             linear, angular = np.empty((3, self.model.nv)), np.empty((3, self.model.nv))

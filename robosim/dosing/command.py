@@ -48,7 +48,6 @@ class DoseController(Protocol):
 
     def start(self, target: float, accepted: float) -> None:
         """Begin a dose of a mass [kg], of which an error [kg] is accepted; the tool is level and loaded."""
-        ...
 
     def command(self, sight: DoseSight) -> DoseCommand:
         """Return the command until the next sight; called once every `control_dt`."""

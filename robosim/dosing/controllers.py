@@ -9,14 +9,12 @@ from robosim.dosing.flow import LEAST_READINGS
 from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.open_loop import OpenLoop
 from robosim.dosing.pi import PiDosing
-from robosim.dosing.pour_curve import PourCurve
 from robosim.dosing.shaker import WINDOW, Shaker
 
 
-def make_controller(name: str, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> DoseController:
-    """Make a controller, one of CONTROLLERS.
+def make_controller(name: str, numbers: DosingNumbers, control_dt: float) -> DoseController:
+    """Make a controller, one of CONTROLLERS; control_dt: time between two commands [s].
 
-    curve: of the tool with its load, usually `numbers.curve`. control_dt: time between two commands [s].
     Raises UnknownName for another name, ConfigError for a time that cannot be used, also where the window over
     which the controller measures the flow has too few readings.
     """
@@ -31,4 +29,4 @@ def make_controller(name: str, numbers: DosingNumbers, curve: PourCurve, control
         raise ConfigError(f"{where} = {window} s with control_dt = {control_dt} s: too few readings to measure the "
                           f"flow; accepted: a window of at least {LEAST_READINGS} x control_dt = "
                           f"{LEAST_READINGS * control_dt:g} s")
-    return kinds[name](numbers, curve, control_dt)
+    return kinds[name](numbers, control_dt)

@@ -10,10 +10,7 @@ BACK = 0.5 * LEVEL
 
 
 class ToolMotion:
-    """Makes commands of wanted tilt rates; keeps the tilt rate of the last command.
-
-    control_dt: time between two commands [s].
-    """
+    """Makes commands of wanted tilt rates, one every `control_dt` [s]; keeps the tilt rate of the last one."""
 
     def __init__(self, numbers: MotionNumbers, control_dt: float) -> None:
         self._numbers, self._dt = numbers, control_dt
@@ -28,9 +25,10 @@ class ToolMotion:
         """Return whether the lip is above the cup's middle."""
         return float(np.hypot(*(sight.goal - sight.lip)[:2])) <= self._numbers.near
 
-    def back_time(self, sight: DoseSight) -> float:
-        """Return the time [s] that it takes to tilt back to level, with the acceleration at both ends."""
-        return abs(sight.tilt) / self._fast + 2.0 * self._fast / np.radians(self._numbers.acceleration_deg)
+    def is_late(self, sight: DoseSight) -> bool:
+        """Return whether the time left is what it takes to tilt back to level, with the acceleration at both ends."""
+        back = abs(sight.tilt) / self._fast + 2.0 * self._fast / np.radians(self._numbers.acceleration_deg)
+        return sight.time + back >= self._numbers.duration
 
     def turn_to(self, sight: DoseSight, tilt: float, amplitude: float = 0.0, frequency: float = 0.0,
                 fastest: float = np.inf) -> DoseCommand:
@@ -44,8 +42,7 @@ class ToolMotion:
     def turn(self, sight: DoseSight, rate: float, amplitude: float = 0.0, frequency: float = 0.0) -> DoseCommand:
         """Turn with a rate [rad/s], or the nearest that can be reached; shake with an amplitude [m] and frequency."""
         self._rate += float(np.clip(rate - self._rate, -self._change, self._change))
-        way = sight.goal - sight.lip
-        velocity = way / self._numbers.approach_time
+        velocity = (sight.goal - sight.lip) / self._numbers.approach_time
         speed = float(np.linalg.norm(velocity))
         if speed > self._numbers.approach_speed:
             velocity = velocity * (self._numbers.approach_speed / speed)

@@ -1,6 +1,5 @@
 """Numbers of the dosing controllers, files of configs/dosing."""
 
-from collections.abc import Sequence
 from typing import Annotated
 
 import pydantic
@@ -9,7 +8,6 @@ from pydantic import Field
 from robosim.base.errors import ConfigError
 from robosim.base.resources import config_path
 from robosim.config.bounds import Name, Text
-from robosim.config.settings import Setting
 from robosim.config.table import Table, load
 from robosim.dosing.pour_curve import PourCurve
 
@@ -166,12 +164,12 @@ class DosingNumbers(Table):
         return self
 
 
-def load_dosing(name: str, settings: Sequence[Setting] = ()) -> DosingNumbers:
-    """Load a file of configs/dosing by name, or one's own by path; settings as of `robosim.config.table.load`.
+def load_dosing(name: str) -> DosingNumbers:
+    """Load a file of configs/dosing by name, or one's own by path.
 
     Raises ConfigError for a file that cannot be used, UnknownName for a name that does not exist.
     """
-    return load(config_path("dosing", name, "dosing numbers"), DosingNumbers, settings=settings)
+    return load(config_path("dosing", name, "dosing numbers"), DosingNumbers)
 
 
 def check_tool(numbers: DosingNumbers, tool: str, where: str) -> None:

@@ -2,22 +2,20 @@
 
 import numpy as np
 
-from robosim.dosing.command import DoseCommand, DoseSight
+from robosim.dosing.command import DoseCommand, DoseController, DoseSight
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
-from robosim.dosing.pour_curve import PourCurve
 
 
-class OpenLoop:
+class OpenLoop(DoseController):
     """Tilts to the angle at which the pour curve gives the target, waits, and tilts back; reads no balance."""
 
-    def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
-        self._numbers, self._curve, self._duration = numbers.open_loop, curve, numbers.motion.duration
+    def __init__(self, numbers: DosingNumbers, control_dt: float) -> None:
+        self._numbers, self._curve = numbers.open_loop, numbers.curve
         self._motion, self._dt = ToolMotion(numbers.motion, control_dt), control_dt
         self.start(0.0, 0.0)
 
     def start(self, target: float, accepted: float) -> None:
-        """Begin a dose of a mass [kg], of which an error [kg] is accepted."""
         self._motion.start()
         self._tilt = self._curve.tilt(self._numbers.share * target)
         self._slow_from = min(self._tilt, max(0.0, self._curve.begin - np.radians(self._numbers.before_deg)))
@@ -26,9 +24,8 @@ class OpenLoop:
         self._is_slow = self._is_over = False
 
     def command(self, sight: DoseSight) -> DoseCommand:
-        """Return the command until the next sight."""
         held = self._reached is not None and sight.time - self._reached >= self._numbers.hold
-        self._is_over |= held or sight.time + self._motion.back_time(sight) >= self._duration
+        self._is_over |= held or self._motion.is_late(sight)
         if self._is_over:
             return self._motion.level(sight)
         if not self._motion.is_near(sight):

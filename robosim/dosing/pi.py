@@ -1,14 +1,13 @@
 """PI control of a dose on what a balance shows: the vibration makes the flow, the tilt follows the pour curve."""
 
-from typing import Literal
+from collections.abc import Callable
 
 import numpy as np
 
-from robosim.dosing.command import LEVEL, DoseCommand, DoseSight
+from robosim.dosing.command import LEVEL, DoseCommand, DoseController, DoseSight
 from robosim.dosing.flow import FlowMeter, Stream
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
-from robosim.dosing.pour_curve import PourCurve
 
 NOTICED = 2e-4
 """Mass on the balance [kg] by which something flows: a few grains of salt, and 20 steps of a balance of 0.01 g."""
@@ -26,32 +25,28 @@ PULSE_RATE = 0.1
 """Largest tilt rate [rad/s] during pulses, which only follow their tilt."""
 
 
-class PiDosing:
+class PiDosing(DoseController):
     """Doses in two stages, as batching scales do: a controlled flow up to a share of the target, then single pulses.
 
     At a tilt at which little flows by itself, what is shaken off follows the amplitude at once and stops with it; a
     slide does neither. So the amplitude is a PI control of the flow's relative error, and the tilt follows the pour
     curve with the mass that has left. It tilts on where the vibration is stronger than half (mid-ranging control), and
-    back where material flows without any. The wanted flow is the missing mass divided by a time. The first stage stops
-    where the mass in the cup, plus flow x delay, reaches its share.
-
-    In the second stage it shakes for the time of a pulse, waits until the balance shows what came, and makes the next
-    pulse stronger or weaker, so that each brings a share of what is missing. Mass and flow are estimated from the
-    balance's readings with its known lag.
+    back where material flows without any. The first stage stops where the mass in the cup, plus flow x delay, reaches
+    its share. In the second it shakes for the time of a pulse, waits until the balance shows what came, and makes the
+    next pulse stronger or weaker, so that each brings a share of what is missing.
     """
 
-    def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
-        self._numbers, self._curve, self._duration = numbers.pi, curve, numbers.motion.duration
+    def __init__(self, numbers: DosingNumbers, control_dt: float) -> None:
+        self._numbers, self._curve = numbers.pi, numbers.curve
         self._vibration, self._dt = numbers.vibration, control_dt
         self._motion = ToolMotion(numbers.motion, control_dt)
         self._meter = FlowMeter(numbers.pi.window, numbers.pi.lag)
         self.start(0.0, 0.0)
 
     def start(self, target: float, accepted: float) -> None:
-        """Begin a dose of a mass [kg], of which an error [kg] is accepted."""
         self._motion.start()
         self._meter.start()
-        self._phase: Literal["approach", "pour", "wait", "pulse", "back"] = "approach"
+        self._phase: Callable[[DoseSight, Stream], DoseCommand] = self._approach
         self._accepted = accepted
         self._share = 0.0
         """Vibration, as a share of the largest: its integral part in the first stage."""
@@ -64,37 +59,25 @@ class PiDosing:
         """Mass in the cup before the pulse [kg]."""
 
     def command(self, sight: DoseSight) -> DoseCommand:
-        """Return the command until the next sight."""
         stream = self._meter.add(sight.time, sight.shown)
-        is_late = sight.time + self._motion.back_time(sight) >= self._duration
         is_enough = sight.target - sight.shown <= self._numbers.close * self._accepted
-        if is_late or is_enough:
-            self._phase = "back"
-        if self._phase == "approach":
-            return self._approach(sight)
-        if self._phase == "pour":
-            return self._pour(sight, stream)
-        if self._phase == "wait":
-            return self._wait(sight, stream)
-        if self._phase == "pulse":
-            return self._pulse(sight, stream)
-        return self._motion.level(sight)
+        if is_enough or self._motion.is_late(sight):
+            self._phase = lambda sight, stream: self._motion.level(sight)
+        return self._phase(sight, stream)
 
-    def _approach(self, sight: DoseSight) -> DoseCommand:
-        """Turn fast to a tilt at which nothing flows yet."""
+    def _approach(self, sight: DoseSight, stream: Stream) -> DoseCommand:
         if not self._motion.is_near(sight):
             return self._motion.turn(sight, 0.0)
         first = max(LEAST_TILT, self._curve.begin - np.radians(self._numbers.before_deg))
         if sight.tilt >= first - np.radians(self._numbers.search_deg) * self._dt or sight.shown > NOTICED:
-            self._phase = "pour"
+            self._phase = self._pour
         return self._motion.turn_to(sight, first)
 
     def _pour(self, sight: DoseSight, stream: Stream) -> DoseCommand:
-        """Control the flow, or stop."""
         numbers = self._numbers
         enough = min(numbers.first * sight.target, sight.target - numbers.left)
         if enough <= 0.0:  # no more than pulses are to bring
-            self._phase, self._at, self._tilt = "pulse", sight.time, max(LEAST_TILT, sight.tilt)
+            self._phase, self._at, self._tilt = self._pulse, sight.time, max(LEAST_TILT, sight.tilt)
             return self._pulse(sight, stream)
         if self._coming(stream) >= enough:
             return self._stop(sight, stream, numbers.resume * self._share)
@@ -113,11 +96,11 @@ class PiDosing:
             rate += search * (lacking if share == 0.0 else self._beyond_middle(share))
         fastest = np.radians(numbers.fastest_deg)
         rate = float(np.clip(rate, 0.0 if sight.tilt <= LEAST_TILT else -fastest, fastest))
-        return self._shake(sight, rate, share)
+        return self._motion.turn(sight, rate, share * self._vibration.amplitude, self._vibration.frequency)
 
     def _stop(self, sight: DoseSight, stream: Stream, share: float) -> DoseCommand:
         """Stop what flows; share: vibration of the next pulse."""
-        self._phase, self._at, self._share = "wait", sight.time, share
+        self._phase, self._at, self._share = self._wait, sight.time, share
         self._tilt = max(LEAST_TILT, sight.tilt - np.radians(self._numbers.resume_deg))
         return self._wait(sight, stream)
 
@@ -129,7 +112,7 @@ class PiDosing:
             return self._motion.turn_to(sight, max(LEAST_TILT, self._tilt - np.radians(numbers.stop_deg)))
         if sight.tilt < self._tilt - np.radians(numbers.search_deg) * self._dt:
             return self._motion.turn_to(sight, self._tilt)
-        self._phase, self._at, self._before = "pulse", sight.time, stream.mass
+        self._phase, self._at, self._before = self._pulse, sight.time, stream.mass
         return self._pulse(sight, stream)
 
     def _pulse(self, sight: DoseSight, stream: Stream) -> DoseCommand:
@@ -143,8 +126,7 @@ class PiDosing:
             if came < wanted:
                 self._tilt += np.radians(numbers.search_deg) * passed * self._beyond_middle(self._share)
             self._share = float(np.clip(factor * max(self._share, numbers.weakest), 0.0, 1.0))
-            # `wanted` stays the last pulse's for this one command: a new pulse so begins to shake also where what still
-            # flows makes up its own, smaller wanted mass. The measured doses were made so; its own changes them
+            # `wanted` stays the last pulse's for this one command: the measured doses were made so
             self._at, self._before, passed = sight.time, stream.mass, 0.0
         coming = self._coming(stream)
         if coming >= sight.target and passed >= numbers.pulse:  # it flows on by itself
@@ -159,10 +141,7 @@ class PiDosing:
         return stream.mass + max(stream.flow, 0.0) * self._numbers.delay
 
     def _beyond_middle(self, share: float) -> float:
-        """Return by how much a vibration is stronger than the middle, 1 for the strongest."""
+        """By how much a vibration is stronger than the middle, 1 for the strongest."""
         middle = self._numbers.middle
         return max(0.0, (share - middle) / (1.0 - middle))
 
-    def _shake(self, sight: DoseSight, rate: float, share: float) -> DoseCommand:
-        """Turn with a rate [rad/s] and shake with a share of the strongest vibration."""
-        return self._motion.turn(sight, rate, share * self._vibration.amplitude, self._vibration.frequency)

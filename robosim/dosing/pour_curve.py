@@ -17,10 +17,9 @@ CurveMass = Annotated[float, Field(ge=0.0, le=10.0)]  # ten times what the large
 
 
 class PourCurve(Table):
-    """Mass poured over tilt, both rising, measured with one load of one material.
+    """Mass poured over tilt, both rising, measured with one load of one material; linear between points, else constant.
 
-    Between two points it is linear, outside it is constant. It is quasi-static: measured at a tilt so slow that what
-    still falls does not matter.
+    It is quasi-static: measured at a tilt so slow that what still falls does not matter.
     """
 
     material: FilePath

@@ -4,31 +4,29 @@ from typing import Literal
 
 import numpy as np
 
-from robosim.dosing.command import DoseCommand, DoseSight
+from robosim.dosing.command import DoseCommand, DoseController, DoseSight
 from robosim.dosing.flow import FlowMeter
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
-from robosim.dosing.pour_curve import PourCurve
 
 WINDOW = 0.3
 """Time [s] over which the flow is measured."""
 
 
-class Shaker:
+class Shaker(DoseController):
     """Shakes at full amplitude until the balance shows a mass a little below the target, then in pulses.
 
     It tilts on while it shakes and little flows. After each pulse it waits for the balance.
     """
 
-    def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
-        self._numbers, self._curve, self._duration = numbers.shaker, curve, numbers.motion.duration
+    def __init__(self, numbers: DosingNumbers, control_dt: float) -> None:
+        self._numbers, self._curve = numbers.shaker, numbers.curve
         self._amplitude = numbers.shaker.amplitude * numbers.vibration.amplitude
         self._frequency, self._dt = numbers.vibration.frequency, control_dt
         self._motion, self._flow = ToolMotion(numbers.motion, control_dt), FlowMeter(WINDOW)
         self.start(0.0, 0.0)
 
     def start(self, target: float, accepted: float) -> None:
-        """Begin a dose of a mass [kg], of which an error [kg] is accepted."""
         self._motion.start()
         self._flow.start()
         self._phase: Literal["approach", "shake", "wait", "back"] = "approach"
@@ -36,10 +34,9 @@ class Shaker:
         self._has_stopped, self._since = False, 0.0
 
     def command(self, sight: DoseSight) -> DoseCommand:
-        """Return the command until the next sight."""
         flow, numbers = self._flow.add(sight.time, sight.shown).flow, self._numbers
         is_enough = sight.target - sight.shown <= self._enough
-        if is_enough or sight.time + self._motion.back_time(sight) >= self._duration:
+        if is_enough or self._motion.is_late(sight):
             self._phase = "back"
         if self._phase == "approach":
             return self._approach(sight)
@@ -58,7 +55,6 @@ class Shaker:
         return self._motion.level(sight)
 
     def _approach(self, sight: DoseSight) -> DoseCommand:
-        """Turn fast to the tilt at which it shakes first."""
         if not self._motion.is_near(sight):
             return self._motion.turn(sight, 0.0)
         first = max(0.0, self._curve.begin - np.radians(self._numbers.before_deg))

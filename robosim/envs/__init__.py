@@ -1,6 +1,7 @@
 """Gymnasium environments of the sub-tasks, of dosing and of task files; `import robosim` registers them.
 
-Imports: base, cell, config, coupling, randomization, rendering, rewards, robot, scene, senses, shapes, tasks, mpm.
+Imports: base, cell, config, coupling, dosing, randomization, rendering, rewards, robot, scene, senses, shapes, tasks,
+mpm.
 """
 
 import sys
@@ -35,10 +36,7 @@ def register_with_gymnasium() -> None:
 
 
 def register() -> None:
-    """Register robosim/<task>-v0 and, for task files, robosim/Task-v0.
-
-    Nothing of them is imported or built before `gymnasium.make`.
-    """
+    """Register robosim/<task>-v0 and, for task files, robosim/Task-v0, of which nothing is imported before `make`."""
     import gymnasium
 
     for name in BUNDLED:
@@ -74,10 +72,7 @@ class RegistersAfterImport:
 
 
 def is_task_file(task: str) -> bool:
-    """Return whether a task is the path of a task file; otherwise it is a sub-task's name.
-
-    Raises UnknownName for what is neither.
-    """
+    """Return whether a task is a task file's path, or else a sub-task's name; raises UnknownName for neither."""
     if task in BUNDLED:
         return False
     if not task.endswith((".yaml", ".yml")):
@@ -86,9 +81,8 @@ def is_task_file(task: str) -> bool:
 
 
 def make(name: str, /, **options: Any) -> "gymnasium.Env":
-    """Make the environment of a sub-task, by name, or of a task file.
+    """Make the environment of a sub-task, by name, or of a task file; options as of `robosim.envs.grain_env.GrainEnv`.
 
-    options: as of `robosim.envs.grain_env.GrainEnv`.
     Raises UnknownName for what is neither, ConfigError for a file that cannot be used.
     """
     import gymnasium
@@ -104,7 +98,6 @@ def task_name(task: str) -> str:
 
 
 def _make_vector(name: str, **options: Any) -> "gymnasium.vector.VectorEnv":
-    """Make the vector environment of a sub-task."""
     from robosim.envs.vector import make_vector
 
     return make_vector(name, **options)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -36,21 +36,12 @@ PATH_POSES = 61
 """Poses of the task's script that the arm must be able to follow from its start."""
 
 
-class Hold(NamedTuple):
-    """How an arm holds a task's tool at its start."""
-
-    grip_turn_deg: float
-    """Turn of the tool in the hand."""
-    posture: tuple[float, ...]
-    """Joint angles [rad] (n,)."""
-
-
 @lru_cache(maxsize=32)
-def find_hold(task_json: str, robot: str = IIWA, gripper: str | None = None) -> Hold:
-    """Find the turn of the tool in the hand, and the posture at a task's start, with which its script can be followed.
+def find_hold(task_json: str, robot: str = IIWA, gripper: str | None = None) -> tuple[float, np.ndarray]:
+    """Find the turn [deg] of the tool in the hand, and the joint angles [rad] (n,) at a task's start.
 
-    The first of GRIP_TURNS_DEG with which all of it is within reach. task_json: as JSON, because configurations
-    are not hashable. Raises UnreachableWaypoint, ConfigError where there is none.
+    The first of GRIP_TURNS_DEG with which all of the task's script is within reach. task_json: as JSON, because
+    configurations are not hashable. Raises UnreachableWaypoint, ConfigError where there is none.
     """
     task = TaskConfig.model_validate_json(task_json)
     path = task.scripted_path()
@@ -60,7 +51,7 @@ def find_hold(task_json: str, robot: str = IIWA, gripper: str | None = None) -> 
     for turn in GRIP_TURNS_DEG:
         try:
             solution = solve_path(Arm(assemble(task.tool, robot, gripper, turn)), poses, ends, times[1] - times[0])
-            return Hold(turn, tuple(solution.q[0]))
+            return turn, solution.q[0].copy()
         except (UnreachableWaypoint, ConfigError) as error:
             refused.append(error)
     raise refused[0]
@@ -71,28 +62,27 @@ class ArmTool(Carrier):
 
     def __init__(self, task: TaskConfig, solver: mpm.Solver, grasp: Grip, robot: str = IIWA,
                  gripper: str | None = None, *, has_sensors: bool = False) -> None:
-        super().__init__(task)
+        super().__init__(task, solver)
         self._has_sensors = has_sensors
-        self._solver = solver
-        self._task = task
         self._grip: Grip = grasp
-        hold = find_hold(task.model_dump_json(), robot, gripper)
-        self._assembly = assemble(task.tool, robot, gripper, hold.grip_turn_deg)
-        arm, self._start_q = Arm(self._assembly), np.array(hold.posture)
+        turn, self._start_q = find_hold(task.model_dump_json(), robot, gripper)
+        self._assembly = assemble(task.tool, robot, gripper, turn)
+        arm = Arm(self._assembly)
         self.cell = Cell(compile_scene(self.build_spec(), self._assembly), arm, self._start_q, task.containers)
         self.robot_data = self.cell.data
         self._smoother = JointSmoother(arm.step_limits(), task.step_dt, arm)
         self._q = self._start_q
-        self._torque_ratio = self._lag = 0.0
-        self._behind = np.zeros(len(self._start_q))
+        self._forget_readings()
         self._close_fingers(round(GRASP_TIME / task.step_dt))
         self._scene_setting = SceneSetting(self.cell.scene, self.cell.servo, task)
         if has_sensors:
             self.sensors = ArmSampler(self.cell.scene, self.cell.data, arm)
         self.cell.couple(solver, TOOL, task.coupling)
 
+    def _forget_readings(self) -> None:
+        self._torque_ratio, self._lag, self._behind = 0.0, 0.0, np.zeros(len(self._start_q))
+
     def build_spec(self) -> mujoco.MjSpec:
-        """Build a new specification of the rigid scene."""
         spec = build_scene_spec(self._assembly, self._grip, self._task.containers, self._task.step_dt, contact=True)
         if self._has_sensors:
             add_sensors(spec, self._assembly)
@@ -114,10 +104,7 @@ class ArmTool(Carrier):
         mujoco.mj_kinematics(cell.model, cell.data)
 
     def restart(self, pose: mpm.Pose, setting: Setting = STANDARD) -> mpm.Pose:
-        """Put the arm into a posture that has the tool at a pose; return the pose that the tool has.
-
-        Raises UnreachableWaypoint where the arm cannot reach it.
-        """
+        """Put the arm into a posture that has the tool at a pose, and return its pose; raises UnreachableWaypoint."""
         cell = self.cell
         self._scene_setting.apply(setting, cell.data)
         mujoco.mj_setState(cell.model, cell.data, self._grasped, STATE)
@@ -131,8 +118,7 @@ class ArmTool(Carrier):
         mujoco.mj_kinematics(cell.model, cell.data)
         mujoco.mj_forward(cell.model, cell.data)
         self._smoother.restart(self._q)
-        self._torque_ratio = self._lag = 0.0
-        self._behind[:] = 0.0
+        self._forget_readings()
         cell.contacts.restart()
         cell.grasp.restart()
         cell.plugin.restart()
@@ -142,7 +128,6 @@ class ArmTool(Carrier):
         return cell.tool_pose()
 
     def state(self) -> dict[str, Any]:
-        """Return what the next step depends on besides the field: arrays and plain values."""
         cell, integration = self.cell, np.empty_like(self._grasped)
         mujoco.mj_getState(cell.model, cell.data, integration, STATE)
         return super().state() | {
@@ -154,7 +139,6 @@ class ArmTool(Carrier):
         }
 
     def load(self, state: dict[str, Any]) -> None:
-        """Take over what `state` returned."""
         super().load(state)
         cell = self.cell
         self._scene_setting.apply(self.setting, cell.data)
@@ -173,31 +157,25 @@ class ArmTool(Carrier):
             self.sensors.load(state["sensors"])
 
     def begin_action(self) -> None:
-        """Forget what sensors have measured so far."""
         super().begin_action()
         if self.sensors is not None:
             self.sensors.begin_action()
 
     def advance(self, velocity: Sequence[np.ndarray], steps: int) -> Iterator[Step]:
-        """Advance by steps under commanded velocities; the arm follows within its limits."""
+        cell = self.cell
         for _ in range(steps):
             pose = self.command(*velocity)
-            q = step_towards(self.cell.arm, pose, self._q, self._start_q)
+            q = step_towards(cell.arm, pose, self._q, self._start_q)
             target = self._smoother.step(q, (q - self._q) / self._dt)
             self._behind = np.maximum(self._behind, np.abs(target.q - q))
             self._q = q
-            self.cell.step(target)
+            cell.step(target)
             if self.sensors is not None:
                 self.sensors.take()
-            self._update_readings(pose)
-            yield self.cell.plugin.counts[-1], self._solver.collider_pose(TOOL)
-
-    def _update_readings(self, pose: mpm.Pose) -> None:
-        """Take the largest torque ratio and tool lag behind a commanded pose."""
-        cell = self.cell
-        ratio = np.abs(cell.servo.demanded_torque / cell.arm.torque_limits).max()
-        lag = np.linalg.norm(cell.data.xpos[cell.scene.tool] - pose.position)
-        self._torque_ratio, self._lag = max(self._torque_ratio, float(ratio)), max(self._lag, float(lag))
+            ratio = np.abs(cell.servo.demanded_torque / cell.arm.torque_limits).max()
+            lag = np.linalg.norm(cell.data.xpos[cell.scene.tool] - pose.position)
+            self._torque_ratio, self._lag = max(self._torque_ratio, float(ratio)), max(self._lag, float(lag))
+            yield cell.plugin.counts[-1], cell.plugin.solver.collider_pose(TOOL)
 
     @property
     def arm_readings(self) -> dict[str, float]:

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 import mpm
-from mpm.geometry.rigid_motion import rotate
 from mpm.observers.region_counter import MAX_READINGS
+from robosim.dosing.vibration import Vibration
 from robosim.envs.episode import read_pose
 from robosim.randomization.draw import STANDARD, Setting, read_setting
+from robosim.tasks.actions import move_pose
 from robosim.tasks.counting import TOOL
-from robosim.tasks.dosing import Vibration
 from robosim.tasks.task import TaskConfig
 
 ORIGIN = np.zeros(3)
@@ -20,9 +20,9 @@ Step = tuple[mpm.Counts, mpm.Pose]
 
 
 class Carrier:
-    """Integrates commanded velocities; the origin of the tool's frame stays in the task's box.
+    """Integrates commanded velocities, and moves the tool's collider along; a subclass has an arm move it.
 
-    Subclasses advance the field with the tool on the way to the commanded pose.
+    solver: the field that `advance` advances; None where somebody else does.
     """
 
     robot_data: Any = None
@@ -30,14 +30,14 @@ class Carrier:
     sensors: Any = None
     """An `ArmSampler`; None without an arm, and where no term of the observation reads it."""
 
-    def __init__(self, task: TaskConfig) -> None:
-        self._dt = task.step_dt
-        self._lower, self._upper = np.array(task.action.lower), np.array(task.action.upper)
+    def __init__(self, task: TaskConfig, solver: mpm.Solver | None = None) -> None:
+        self._task, self._dt, self._solver = task, task.step_dt, solver
         self.commanded = task.start.pose
         """Commanded pose of the tool in the world, where the robot takes it to be."""
         self.setting = STANDARD
         """How the scene of the running episode differs from the task's."""
-        self._vibration = None if task.action.vibration is None else Vibration(task)
+        vibration = task.action.vibration
+        self._vibration = None if vibration is None else Vibration(vibration.axis)
         self.received, self.duration = np.zeros(6), 0.0
         """Impulse [N s], [N m s] on the tool in the present action, about the world's origin, and its time [s]; zero
         with an arm, which has a sensor for it."""
@@ -79,33 +79,26 @@ class Carrier:
         self.received, self.duration = self.received + impulse, self.duration + duration
 
     def advance(self, velocity: Sequence[np.ndarray], steps: int) -> Iterator[Step]:
-        """Advance by steps under a constant `robosim.tasks.actions.Velocity`, and yield each step."""
-        raise NotImplementedError
+        """Advance by steps under a constant `robosim.tasks.actions.Velocity`, and yield each step.
+
+        Without an arm in as few launches as the field's readings allow.
+        """
+        solver = self._solver
+        assert solver is not None
+        for first in range(0, steps, MAX_READINGS):
+            poses = [self.command(*velocity) for _ in range(min(MAX_READINGS, steps - first))]
+            solver.set_collider_motion(TOOL, solver.collider_pose(TOOL), *poses)
+            readings = solver.advance(len(poses) * self._dt, readings=len(poses))
+            self.receive(np.concatenate(solver.collider_impulse(TOOL, ORIGIN)), len(poses) * self._dt)
+            yield from zip(readings, poses, strict=True)
 
     def command(self, linear: np.ndarray, angular: np.ndarray, vibration: np.ndarray | None = None) -> mpm.Pose:
         """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes; return the tool's there.
 
-        vibration: amplitude [m] and frequency [Hz] (2,), where the task has one; it is added to the pose that is
-        returned, and `commanded` stays without it.
+        vibration: amplitude [m] and frequency [Hz] (2,), if any, added to what is returned, and not to `commanded`.
         """
-        position = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
-        self.commanded = mpm.Pose(position, rotate(self.commanded.quaternion, self._dt * angular))
+        self.commanded = move_pose(self.commanded, self._task, linear, angular)
         pose = self.setting.actual(self.commanded)
-        return pose if self._vibration is None or vibration is None else self._vibration.shake(pose, *vibration)
-
-
-class KinematicTool(Carrier):
-    """Moves the tool's collider along the commanded poses; neither arm nor MuJoCo take part."""
-
-    def __init__(self, task: TaskConfig, solver: mpm.Solver) -> None:
-        super().__init__(task)
-        self._solver = solver
-
-    def advance(self, velocity: Sequence[np.ndarray], steps: int) -> Iterator[Step]:
-        """Advance by steps under a constant velocity, in as few launches as the field's readings allow."""
-        for first in range(0, steps, MAX_READINGS):
-            poses = [self.command(*velocity) for _ in range(min(MAX_READINGS, steps - first))]
-            self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *poses)
-            readings = self._solver.advance(len(poses) * self._dt, readings=len(poses))
-            self.receive(np.concatenate(self._solver.collider_impulse(TOOL, ORIGIN)), len(poses) * self._dt)
-            yield from zip(readings, poses, strict=True)
+        if self._vibration is None or vibration is None:
+            return pose
+        return self._vibration.shake(pose, self._dt, *vibration)

@@ -15,7 +15,7 @@ from robosim.config.arm import Grip
 from robosim.config.tool import ToolConfig
 from robosim.randomization.draw import STANDARD, Setting
 from robosim.randomization.ranges import Ranges
-from robosim.senses.perception import PerceptionOptions, Terms
+from robosim.senses.perception import Terms
 from robosim.senses.senses import TermOptions
 from robosim.tasks.actions import check_action_repeat
 from robosim.tasks.handover import Load
@@ -38,10 +38,7 @@ def read_pose(numbers: np.ndarray) -> mpm.Pose:
 
 @dataclass(frozen=True, kw_only=True)
 class EnvOptions:
-    """Options of an environment of a sub-task, whose page describes them.
-
-    Raises UnknownName, ConfigError for values that are not accepted.
-    """
+    """Options of an environment of a sub-task, whose page describes them; raises UnknownName, ConfigError."""
 
     render_mode: str | None = None
     arm: bool = False
@@ -87,11 +84,6 @@ class EnvOptions:
         object.__setattr__(self, "action_repeat", check_action_repeat(self.action_repeat))
 
     @property
-    def perception(self) -> PerceptionOptions:
-        """Those of the observations."""
-        return PerceptionOptions(self.obs, self.flatten, self.privileged, self.latency, self.noise, self.dropout)
-
-    @property
     def hardware(self) -> tuple[str, str | None]:
         """Arm and hand, by name or file; a hand of None is the arm's usual one."""
         return self.robot or "iiwa14", self.gripper
@@ -103,15 +95,40 @@ def check_open(method: str, is_closed: bool) -> None:
         raise ConfigError(f"{method}: the environment is closed; make a new one, or call close after the last {method}")
 
 
-class HasEpisodeLength:
-    """An environment whose `spec` has the largest number of actions of an episode.
+class Copied:
+    """An environment that `copy.deepcopy` and `pickle` make again from its arguments and then set to its state.
 
-    Gymnasium leaves it out where no TimeLimit counts, and a registered number would hold for one action_repeat only.
+    Fields, kernels and renderers stay behind. Its `spec` has the largest number of actions of an episode: Gymnasium
+    leaves it out where no TimeLimit counts, and a registered number would hold for one action_repeat only.
     """
 
     max_episode_steps: int
     """Actions of an episode, if the simulation does not diverge."""
+    action_space: Any
+    observation_space: Any
     _spec: Any = None
+    _arguments: tuple[tuple[Any, ...], dict[str, Any]]
+    """Of the constructor."""
+
+    def __new__(cls, *arguments: Any, **options: Any) -> Any:
+        env = super().__new__(cls)
+        env._arguments = arguments, options
+        return env
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        travelling = self._all_states(), self._spec, self.action_space, self.observation_space
+        return make_again, (type(self), *self._arguments), travelling
+
+    def __setstate__(self, state: Any) -> None:
+        own, self._spec, self.action_space, self.observation_space = state
+        self._load_all(own)
+
+    def _all_states(self) -> Any:
+        """Return what `_load_all` takes over in a copy."""
+        raise NotImplementedError
+
+    def _load_all(self, state: Any) -> None:
+        raise NotImplementedError
 
     @property
     def spec(self) -> Any:
@@ -124,44 +141,13 @@ class HasEpisodeLength:
         self._spec = None if spec is None else dataclasses.replace(spec, max_episode_steps=self.max_episode_steps)
 
 
-class HasCopies:
-    """An environment that `copy.deepcopy` and `pickle` make again from its arguments and then set to its state.
-
-    Fields, kernels and renderers stay behind. Subclasses return what travels from `_travelling` and take it over in
-    `_arrive`.
-    """
-
-    _arguments: tuple[tuple[Any, ...], dict[str, Any]]
-    """Arguments of the constructor."""
-
-    def __new__(cls, *arguments: Any, **options: Any) -> Any:
-        env = super().__new__(cls)
-        env._arguments = arguments, options
-        return env
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return make_again, (type(self), *self._arguments), self._travelling()
-
-    def __setstate__(self, state: Any) -> None:
-        self._arrive(state)
-
-    def _travelling(self) -> Any:
-        raise NotImplementedError
-
-    def _arrive(self, state: Any) -> None:
-        raise NotImplementedError
-
-
 def make_again(kind: type, arguments: tuple[Any, ...], options: dict[str, Any]) -> Any:
     """Make an environment from the arguments of another."""
     return kind(*arguments, **options)
 
 
 class Episode:
-    """Sums rewards over the steps of an action; independent of what moves the tool.
-
-    horizon: whether an episode of full length is terminated or truncated.
-    """
+    """Sums rewards over an action's steps; horizon: whether an episode of full length is terminated or truncated."""
 
     def __init__(self, task: TaskConfig, horizon: Horizon) -> None:
         self.task, self.horizon = task, horizon
@@ -197,20 +183,12 @@ class Episode:
         self.outcome.load(state["outcome"])
 
     @property
-    def progress(self) -> float:
-        """Share of the episode that is over."""
-        return self.step_count / self.task.steps
-
-    @property
     def time(self) -> float:
         """Since the start of the episode [s]."""
         return self.step_count * self.task.step_dt
 
     def begin_action(self, action_repeat: int) -> int:
-        """Reset the sums of rewards; return the steps of an action, fewer at the end of an episode.
-
-        Raises ConfigError where no episode is running.
-        """
+        """Reset the sums of rewards; return an action's steps, fewer at the end. Raises ConfigError after it."""
         if not self.running:
             raise ConfigError("step: no episode is running; call reset first")
         self._sums = dict.fromkeys(self.reward.terms, 0.0)
@@ -248,7 +226,6 @@ class Episode:
         return math.atan2(R[0, 2], R[0, 0])
 
     def _info(self, terms: dict[str, float]) -> dict[str, Any]:
-        """Return the terms of an action's reward, the score so far and physical readings."""
         readings = self.outcome.readings(self.counts) | self.reward.readings()
         return {"reward_terms": dict(terms), "tcs": self.reward.tcs, "tcs_terms": dict(self.reward.score),
                 "readings": readings, "is_success": self.outcome.is_success(self.counts, readings), "time": self.time}

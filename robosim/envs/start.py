@@ -53,10 +53,6 @@ class StartOptions(NamedTuple):
     """What another episode has drawn, `info["draw"]` of its reset, in place of all else."""
 
 
-DEFAULT_START = StartOptions()
-"""Of a reset without options."""
-
-
 def turned(quaternion: np.ndarray, turn_deg: float) -> np.ndarray:
     """Return a quaternion (w, x, y, z) after a turn about the vertical."""
     if turn_deg == 0.0:
@@ -103,8 +99,7 @@ def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.n
 def _multiply(values: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return values (n, k) times a matrix (k, k) in double precision, in the values' own.
 
-    By blocks of rows, whose products stay in the processor's cache; for all rows at once the memory for them is given
-    to the process anew each time, which takes longer than the products.
+    By blocks of rows: for all at once the memory of the products is allocated anew, which takes longer than they do.
     """
     result = np.empty_like(values)
     for first in range(0, len(values), BLOCK):
@@ -122,13 +117,12 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
     numbers = {"law": type(material).__name__} | material.values()
     shapes = [str(collider.sdf.signature()) for collider in solver.colliders]
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order
-    digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile,
-                      "shapes": shapes, "interior": tool_shape(task.tool).interior,
-                      "sleep": bool(solver.sleep), "code": code_digest(*SETTLED_BY, with_data=False),
-                      "transfer_interval": solver.transfer_interval,
-                      "dt": solver.dt, "variant": variant,
-                      "static": list(solver.features.static_colliders),
-                      "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
+    table = {"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile, "shapes": shapes,
+             "interior": tool_shape(task.tool).interior, "sleep": bool(solver.sleep), "dt": solver.dt,
+             "code": code_digest(*SETTLED_BY, with_data=False), "transfer_interval": solver.transfer_interval,
+             "variant": variant, "static": list(solver.features.static_colliders),
+             "task": task.model_dump(mode="json", exclude=NOT_IN_START)}
+    digest = hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()
     path = cache_folder("starts") / f"{name}-{digest[:16]}.npz"
     state = _read_state(path, digest, solver)
     if state is None:
@@ -175,16 +169,8 @@ def _top_positions(held: np.ndarray, interior: mpm.Region, count: int) -> np.nda
     return positions + [interior.centre[0], interior.centre[1], top + SPACING]
 
 
-def _digest(table: dict) -> str:
-    """Return the SHA-256 of a table of plain values."""
-    return hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()
-
-
 def _read_state(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.ndarray] | None:
-    """Read a state and load it into the solver; None where the file is missing or corrupt.
-
-    A corrupt file is reported on stderr.
-    """
+    """Read a state and load it into the solver; None where the file is missing or corrupt, as reported on stderr."""
     if not path.is_file():
         return None
     try:
@@ -202,10 +188,7 @@ def _read_state(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.nda
 
 
 def _write_state(path: Path, digest: str, state: dict[str, np.ndarray]) -> None:
-    """Write a state, which other processes may write at the same time.
-
-    A folder that cannot be written to is reported on stderr; the next start then settles again.
-    """
+    """Write a state, as other processes may at the same time; report a folder that cannot be written to on stderr."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write(path, lambda temporary: np.savez(temporary, made_for=digest, checksum=_checksum(state),
@@ -215,7 +198,6 @@ def _write_state(path: Path, digest: str, state: dict[str, np.ndarray]) -> None:
 
 
 def _checksum(state: dict[str, np.ndarray]) -> str:
-    """Return the SHA-256 of all arrays and their names."""
     total = hashlib.sha256()
     for key in sorted(state):
         total.update(key.encode() + np.ascontiguousarray(state[key]).tobytes())

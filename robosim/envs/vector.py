@@ -2,36 +2,37 @@
 
 Environments of one process share a field and a launch; with several cores there is a process for each. With an arm or
 pictures, every environment has a field of its own and, by default, a process of its own. Processes are spawned, because
-a forked one could not use a GPU. A script that makes a vector environment therefore needs
-`if __name__ == "__main__":`, or `workers=1`.
-
-autoreset_mode says when an environment that ended starts again: in the same step (the default: no action is ignored,
-and every row is a transition), in the next step, as Gymnasium's own vector environments do and some of its wrappers
-need, or when `reset` is called with a mask.
+a forked one could not use a GPU: a script that makes them needs `if __name__ == "__main__":`, or `workers=1`.
 """
 
+import contextlib
+import multiprocessing
 import os
+import traceback
 from functools import partial
-from typing import Any
+from itertools import chain
+from multiprocessing.connection import Connection
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
+import mpm
+from mpm.backend import numerics
 from robosim.base.errors import ConfigError, RobosimError, UnknownName
-from robosim.envs.batch import GrainBatch, Info
-from robosim.envs.episode import HasCopies, HasEpisodeLength, check_open
-from robosim.envs.remote_batch import BatchError, EnvBatch, RemoteBatch, call_batch
+from robosim.envs.batch import EnvBatch, GrainBatch
+from robosim.envs.episode import Copied, check_open
+from robosim.envs.member import Info
 
 
 def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str | None = None,
                 workers: int | None = None, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
                 **options: Any) -> gymnasium.vector.VectorEnv:
-    """Make the vector environment of a sub-task; options go to every environment.
+    """Make the vector environment of a sub-task; arguments as of `GrainVectorEnv`, options as of `GrainEnv`.
 
-    workers: processes; None: one per core, with an arm or pictures one per environment.
-    Raises ConfigError, UnknownName for num_envs, workers or autoreset_mode that cannot be used.
+    workers: None: one per core, with an arm or pictures one per environment.
     """
     options.pop("max_episode_steps", None)  # the task's own horizon holds
     if num_envs < 1:
@@ -44,29 +45,25 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
                             autoreset_mode=autoreset_mode, arm=arm, render_mode=render_mode, **options)
 
 
-def check_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """Return the mode with this name or value; raises UnknownName where there is none."""
-    for known in AutoresetMode:
-        if mode in (known, known.value, known.name):
-            return known
-    raise UnknownName("autoreset_mode", mode, [known.value for known in AutoresetMode])
-
-
-class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
+class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
     """Environments of one sub-task that step together.
 
-    autoreset_mode: SAME_STEP: an environment that ends starts again in the same step; its last observation and info are
-    in `infos["final_obs"]` and `infos["final_info"]`. NEXT_STEP: they are returned as those of any step; the next step
-    ignores its action and starts, with reward 0. DISABLED: the same, and `reset` with a "reset_mask" starts it.
-    workers: processes; None: one per core, at most one per environment; 1: this process.
+    autoreset_mode: SAME_STEP: an environment that ends starts again in the same step, so that no action is ignored; its
+    last observation and info are in `infos["final_obs"]` and `infos["final_info"]`. NEXT_STEP, as Gymnasium's own
+    vector environments do: they are returned as those of any step; the next step ignores its action and starts, with
+    reward 0. DISABLED: the same, and `reset` with a "reset_mask" starts it. workers: processes; None: one per core, at
+    most one per environment; 1: this process. Raises ConfigError, UnknownName for arguments that cannot be used.
     """
 
-    _kind: type[GrainBatch | EnvBatch] = GrainBatch
+    _kind: type[GrainBatch] = GrainBatch
     """What the environments of a process are in."""
 
     def __init__(self, name: str, num_envs: int, *, workers: int | None = None,
                  autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP, **options: Any) -> None:
-        options["autoreset_mode"] = check_autoreset_mode(autoreset_mode)
+        known = [mode for mode in AutoresetMode if autoreset_mode in (mode, mode.value, mode.name)]
+        if not known:
+            raise UnknownName("autoreset_mode", autoreset_mode, [mode.value for mode in AutoresetMode])
+        options["autoreset_mode"] = known[0]
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         workers = min(num_envs, cores if workers is None else workers)
         if workers < 1:
@@ -96,9 +93,8 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
               options: dict[str, Any] | None = None) -> tuple[Any, Info]:
         """Start episodes; return observations and infos.
 
-        seed: one number, raised by one from environment to environment, or a list. options: {"nominal": True} for the
-        start without random displacement, "reset_mask" (n,) for the environments that start again.
-        Raises ConfigError, UnknownName for a seed or options that cannot be used.
+        seed: one number, raised by one from environment to environment, or a list. options: as of `GrainEnv.reset`, and
+        "reset_mask" (n,) for the environments that start. Raises ConfigError, UnknownName for what cannot be used.
         """
         check_open("reset", self.closed)
         seeds = [None if seed is None else seed + e for e in range(self.num_envs)] if not isinstance(seed, list) \
@@ -114,13 +110,12 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
         infos: Info = {}
         for e, info in enumerate(info for _, part in results for info in part):
             infos = self._add_info(infos, info, e)
-        return self._stack([observation for part, _ in results for observation in part]), infos
+        return self._stack([part for part, _ in results]), infos
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, Info]:
         """Apply actions (n, dimensions); return observations, rewards, terminated, truncated and infos.
 
-        Raises ConfigError for an action that cannot be used, and for an environment that waits for `reset`, before any
-        environment moves.
+        Raises ConfigError for an action that cannot be used, or an environment without episode, before any moves.
         """
         check_open("step", self.closed)
         if self._ended.any():  # checked here like the actions, or one process would step while another refuses
@@ -138,8 +133,7 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
         rewards, terminated, truncated = (np.concatenate([result[k] for result in results]) for k in (1, 2, 3))
         if self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
             self._ended = terminated | truncated
-        observations = self._stack([observation for result in results for observation in result[0]])
-        return observations, rewards, terminated, truncated, infos
+        return self._stack([result[0] for result in results]), rewards, terminated, truncated, infos
 
     def state(self, index: int) -> dict[str, Any]:
         """Return the state of one environment, as `GrainEnv.state` does; raises ConfigError after `close`."""
@@ -148,42 +142,38 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
     def load(self, index: int, state: dict[str, Any]) -> None:
         """Continue one environment from a state of any, in this vector or alone, with the same task and options.
 
-        Raises ConfigError, and changes nothing, for another one, with SAME_STEP for a state without a running episode,
-        and after `close`.
+        Raises ConfigError, and changes nothing, for others, and with SAME_STEP where no episode is running.
         """
         self._call_one("load", index, state)
         self._ended[index] = self.metadata["autoreset_mode"] is AutoresetMode.DISABLED and \
             not state["episode"]["running"]
 
     def _call_one(self, method: str, index: int, *arguments: Any) -> Any:
-        """Call a method of the batch that has an environment."""
         check_open(method, self.closed)
         if not isinstance(index, int | np.integer) or not 0 <= index < self.num_envs:
             raise ConfigError(f"{method}: index = {index!r}; accepted: 0 to {self.num_envs - 1}")
-        k, part = next((k, part) for k, part in enumerate(self._parts) if index < part.stop)
-        return self._call(method, (int(index) - part.start, *arguments), batches=[self.batches[k]])[0]
+        batch, part = next((batch, part) for batch, part in zip(self.batches, self._parts) if index < part.stop)
+        return self._call(method, (int(index) - part.start, *arguments), batches=[batch])[0]
 
-    def _travelling(self) -> tuple[Any, ...]:
-        states = [self.state(e) for e in range(self.num_envs)]
-        return states, self._spec, self.action_space, self.observation_space
+    def _all_states(self) -> list[dict[str, Any]]:
+        return [self.state(e) for e in range(self.num_envs)]
 
-    def _arrive(self, state: tuple[Any, ...]) -> None:
-        states, self._spec, self.action_space, self.observation_space = state
-        for e, one in enumerate(states):
+    def _load_all(self, state: list[dict[str, Any]]) -> None:
+        for e, one in enumerate(state):
             if one["generator"] is not None:  # otherwise it never began, here as there
                 self.load(e, one)
 
-    def _stack(self, observations: list[Any]) -> Any:
-        """Stack observations into one array, or into one for each part."""
-        return concatenate(self.single_observation_space, observations,
-                           create_empty_array(self.single_observation_space, self.num_envs))
+    def _stack(self, parts: list[list[Any]]) -> Any:
+        """Stack the observations of all batches into one array, or into one for each term."""
+        space = self.single_observation_space
+        return concatenate(space, list(chain(*parts)), create_empty_array(space, self.num_envs))
 
     def _call(self, method: str, *arguments: tuple, batches: list[Any] | None = None) -> list[Any]:
         """Call a method of batches (None: all) at once, with arguments for each; return their results."""
         batches = self.batches if batches is None else batches
         per_batch = arguments or [()] * len(batches)
         if not isinstance(batches[0], RemoteBatch):
-            return [call_batch(batches[0], method, per_batch[0])]
+            return [getattr(batches[0], method)(*per_batch[0])]
         try:
             for batch, these in zip(batches, per_batch):
                 batch.send(method, these)
@@ -203,10 +193,7 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
 
 
 class ProcessVectorEnv(GrainVectorEnv):
-    """Environments of one sub-task with an arm or pictures; each has a field of its own and can be called by itself.
-
-    Arguments as of `GrainVectorEnv`. workers: 1: this process, where the environments step one after another.
-    """
+    """Environments of one sub-task with an arm or pictures; each has a field of its own and can be called by itself."""
 
     _kind = EnvBatch
 
@@ -219,10 +206,7 @@ class ProcessVectorEnv(GrainVectorEnv):
         return self.call("render")
 
     def call(self, name: str, *arguments: Any, **options: Any) -> tuple[Any, ...]:
-        """Call a method of each environment; return the results, or the values of an attribute.
-
-        Raises ConfigError for a method that this vector environment has itself, and after `close`.
-        """
+        """Call a method of each environment that this has not itself; return results, or the values of an attribute."""
         check_open("call", self.closed)
         if name in ("reset", "step", "load", "close"):
             raise ConfigError(f"call: name = {name!r}; accepted: another method or an attribute; call {name} of the "
@@ -235,12 +219,84 @@ class ProcessVectorEnv(GrainVectorEnv):
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute of each environment; values: a list or tuple with one for each, or one for all.
-
-        Raises ConfigError for a list or tuple of another length, and after `close`.
-        """
+        """Set an attribute of each environment; values: a list or tuple with one for each, or one for all."""
         check_open("set_attr", self.closed)
         each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
         if len(each) != self.num_envs:
             raise ConfigError(f"set_attr: values has {len(each)} entries; accepted: {self.num_envs}, or one value")
         self._call("set_attr", *[(name, each[part]) for part in self._parts])
+
+
+class BatchError(NamedTuple):
+    """An error that a process returned instead of a result."""
+
+    error: Exception
+    traceback: str
+    """Its traceback in that process."""
+
+
+class RemoteBatch:
+    """A batch in a spawned process, with the precision and fast_math of this one; first: number of its first member."""
+
+    def __init__(self, kind: type[GrainBatch], name: str, n: int, *, first: int, **options: Any) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, other_end = context.Pipe()
+        self.process = context.Process(target=_serve, args=(other_end, numerics(), kind, name, n, options),
+                                       daemon=True, name=f"environments {first} to {first + n - 1}")
+        self.process.start()
+        other_end.close()
+
+    def send(self, method: str, arguments: tuple) -> None:
+        """Send a request; `receive` returns its result."""
+        with contextlib.suppress(OSError):  # the process has ended, which `receive` reports
+            self._pipe.send((method, arguments))
+
+    def receive(self) -> Any:
+        """Receive the result of the last request, or a BatchError."""
+        try:
+            return self._pipe.recv()
+        except (EOFError, OSError):
+            self.process.join(1.0)
+            return BatchError(RobosimError(f"the process of {self.process.name} ended with exit code "
+                                           f"{self.process.exitcode}"), "while it handled a request")
+
+    def close(self) -> None:
+        """End the process."""
+        self._pipe.close()
+        self.process.join(5.0)
+        if self.process.is_alive():
+            self.process.terminate()
+            self.process.join()
+
+
+def _serve(pipe: Connection, session: dict[str, Any], kind: type[GrainBatch], name: str, n: int,
+           options: dict[str, Any]) -> None:
+    """Handle requests until the other end closes; session: arguments of `mpm.init`."""
+    try:
+        mpm.init(**session)
+        batch = kind(name, n, **options)
+    except Exception as error:
+        batch, failure = None, BatchError(error, traceback.format_exc())
+    else:
+        failure = None
+    while True:
+        try:
+            method, arguments = pipe.recv()
+        except (EOFError, KeyboardInterrupt):
+            if batch is not None:
+                batch.close()
+            return
+        try:
+            result = failure if batch is None else getattr(batch, method)(*arguments)
+        except KeyboardInterrupt:
+            return
+        except Exception as error:
+            result = BatchError(error, traceback.format_exc())
+        try:
+            pipe.send(result)
+        except OSError:  # the other end has closed
+            return
+        except Exception as error:  # nothing was sent, because pickling comes first
+            refused = ConfigError(f"{method}: the result of {arguments!r:.60} cannot be pickled: {error}; accepted: "
+                                  f"one that can, or workers=1, where all is in one process")
+            pipe.send(BatchError(refused, traceback.format_exc()))

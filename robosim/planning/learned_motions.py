@@ -13,8 +13,7 @@ from mpm.array_files import read_arrays
 from robosim.base.errors import ConfigError
 from robosim.base.resources import trained
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.tasks.actions import ActionScaling
-from robosim.tasks.commanded_pose import move_pose
+from robosim.tasks.actions import ActionScaling, move_pose
 from robosim.tasks.task import TaskConfig, load_task
 
 SAMPLING = 0.002

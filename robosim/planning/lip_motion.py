@@ -7,11 +7,9 @@ from mpm import Pose
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import DoseCommand
+from robosim.dosing.vibration import Vibration
 from robosim.shapes import tool_shape
 
-RESPONSE = 0.05
-"""Time constant [s] with which amplitude and frequency of the vibration follow a command: a stop at full amplitude
-would knock grains off."""
 LEVEL = np.radians(1.0)
 """Largest angle [rad] of the waypoint's tool from level."""
 ASIDE = 0.05
@@ -28,7 +26,6 @@ class LipMotion:
 
     def __init__(self, start: Pose, lip: np.ndarray, goal: np.ndarray, largest_tilt: float, axis: str = "x") -> None:
         self._start, self._local, self._largest = start, lip, largest_tilt
-        self._axis = np.eye(3)["xyz".index(axis)]
         self.goal = goal
         """[m] (3,)"""
         self.lip = start.apply(lip[None])[0]
@@ -36,13 +33,12 @@ class LipMotion:
         self._low, self._high = np.minimum(self.lip, goal), np.maximum(self.lip, goal)
         self.tilt = 0.0
         """Commanded tilt [rad]: rotation about the tool's y axis, which lowers its tip."""
-        self.amplitude = self._frequency = self._phase = 0.0
-        """Amplitude [m], frequency [Hz] and phase [rad] of the vibration at this moment."""
+        self.vibration, self._frequency = Vibration(axis), 0.0
 
     def pose(self, tilt: float | None = None, lip: np.ndarray | None = None) -> Pose:
         """Return the tool's pose without the vibration, by default the present one."""
-        rotation = Rotation.from_matrix(self._start.matrix) * Rotation.from_euler("y", self.tilt if tilt is None
-                                                                                   else tilt)
+        turn = Rotation.from_euler("y", self.tilt if tilt is None else tilt)
+        rotation = Rotation.from_matrix(self._start.matrix) * turn
         place = self.lip if lip is None else lip
         return Pose(place - rotation.apply(self._local), rotation.as_quat(scalar_first=True))
 
@@ -50,14 +46,9 @@ class LipMotion:
         """Move by a command for dt [s]; return the tool's pose with the vibration."""
         self.tilt = float(np.clip(self.tilt + dt * command.tilt_rate, 0.0, self._largest))
         self.lip = np.clip(self.lip + dt * command.velocity, self._low, self._high)
-        share = 1.0 - np.exp(-dt / RESPONSE)
-        self.amplitude += share * (command.amplitude - self.amplitude)
         if command.amplitude > 0.0:  # a command of no amplitude may leave the frequency open
-            self._frequency += (share if self._frequency > 0.0 else 1.0) * (command.frequency - self._frequency)
-        self._phase = (self._phase + 2.0 * np.pi * self._frequency * dt) % (2.0 * np.pi)
-        level = self.pose()
-        return level._replace(position=level.position + level.matrix @ (self.amplitude * np.sin(self._phase)
-                                                                        * self._axis))
+            self._frequency = command.frequency
+        return self.vibration.shake(self.pose(), dt, command.amplitude, self._frequency)
 
 
 def make_lip_motion(config: RehearsalConfig) -> LipMotion:
@@ -80,13 +71,12 @@ def make_lip_motion(config: RehearsalConfig) -> LipMotion:
     if lip is None:
         raise ConfigError(f"dose.lip: missing, and the rim of the {config.tool_name} is not known; accepted: the lip's "
                           f"place in its frame")
-    motion = LipMotion(start, lip, start.apply(lip[None])[0], np.radians(dose.largest_tilt_deg), dose.vibration_axis)
-    pose = cup.pose
-    goal = np.array([*pose.position[:2], motion.lip[2]])
-    away = float(np.linalg.norm(goal - motion.lip))
+    place = start.apply(lip[None])[0]
+    goal = np.array([*cup.pose.position[:2], place[2]])
+    away = float(np.linalg.norm(goal - place))
     if away > ASIDE:
         raise ConfigError(f"dose.at: at waypoint {waypoint.name!r} the lip of the {config.tool_name} is at "
-                          f"{motion.lip.round(4).tolist()} m, {1e3 * away:.0f} mm aside of the middle of the cup "
+                          f"{place.round(4).tolist()} m, {1e3 * away:.0f} mm aside of the middle of the cup "
                           f"{name!r} at {goal[:2].round(4).tolist()} m; accepted: up to {1e3 * ASIDE:g} mm")
     return LipMotion(start, lip, goal, np.radians(dose.largest_tilt_deg), dose.vibration_axis)
 

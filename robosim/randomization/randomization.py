@@ -19,7 +19,8 @@ from robosim.randomization.ranges import IN_LEVELS, LEVELS, MATERIAL, NUMBERS, R
 from robosim.randomization.variants import check_fill, displacement, filled
 from robosim.scene.field import largest_step
 from robosim.scene.grains import grain_volume
-from robosim.tasks.dosing import TARGET_MASS, load_mass
+from robosim.tasks.outcome import load_mass
+from robosim.tasks.sections import TARGET_MASS
 from robosim.tasks.task import TaskConfig
 
 Domains = Mapping[str, tuple[float, float]]
@@ -43,7 +44,10 @@ class Randomization:
         self.materials = {label: find_material(label) for label in ranges.get(MATERIAL, ())}
         self._own = material
         self._numbers = set.intersection(*[set(number_names(one)) for one in [material, *self.materials.values()]])
-        self._check_materials()
+        for label, one in self.materials.items():
+            if type(one) is not type(material):
+                raise ConfigError(f"randomize: material {label!r} has the law of {type(one).__name__}; accepted: "
+                                  f"that of the environment's own, {type(material).__name__}")
         self.ranges: dict[str, tuple[float, float]] = {
             name: self._read_range(name, pair, arm) for name, pair in ranges.items() if name != MATERIAL}
         self._laws = {label: one.make_law() for label, one in self.materials.items()}
@@ -55,14 +59,7 @@ class Randomization:
         self._check_step()
         self._check_target(volume)
 
-    def _check_materials(self) -> None:
-        for label, material in self.materials.items():
-            if type(material) is not type(self._own):
-                raise ConfigError(f"randomize: material {label!r} has the law of {type(material).__name__}; accepted: "
-                                  f"that of the environment's own, {type(self._own).__name__}")
-
     def _read_range(self, name: str, pair: Any, arm: bool) -> tuple[float, float]:
-        """Return a range as two numbers."""
         valid = [MATERIAL, *sorted(self._numbers), *valid_numbers(self._task, arm), *self._sensors]
         if name not in valid:
             raise UnknownName("number in randomize", name, valid)
@@ -89,10 +86,7 @@ class Randomization:
                                   f"s: take a softer or a heavier material")
 
     def _check_target(self, handed_over: float | None) -> None:
-        """Raise ConfigError for a mass to dose that is more than the tool holds, in some episode.
-
-        handed_over: volume of a grain [m^3] that is none of the task's own.
-        """
+        """Raise ConfigError for a mass to dose above what the tool holds; handed_over: volume of a grain [m^3]."""
         for material in [self._own, *self.materials.values()] if TARGET_MASS in self.ranges else ():
             density = min(self.ranges["density"]) if "density" in self.ranges else material.make_law().density
             for fill in self.levels("fill"):
@@ -133,10 +127,7 @@ class Randomization:
         return Draw(numbers, three(tool), three(pile), turn_deg, int(copy.deepcopy(rng).integers(2**62)), material)
 
     def read(self, given: Any) -> Draw:
-        """Return the draw that an option of `reset` gives back.
-
-        Raises ConfigError for what no environment with these ranges has drawn.
-        """
+        """Return the draw that `reset` is given back; raises ConfigError for what these ranges cannot have drawn."""
         try:
             draw = Draw(**{**given, "numbers": {name: float(value) for name, value in given["numbers"].items()},
                            "tool": three(given["tool"]), "pile": three(given["pile"]),

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from robosim.base.errors import UnknownName
-from robosim.tasks.dosing import TARGET_MASS
-from robosim.tasks.sections import LARGEST_DOSE, LEAST_DOSE
+from robosim.config.bounds import LARGEST_DOSE, LEAST_DOSE
+from robosim.tasks.sections import TARGET_MASS
 from robosim.tasks.task import TaskConfig
 
 Ranges = Mapping[str, Sequence[Any]]
@@ -22,31 +22,35 @@ class Drawn(NamedTuple):
     lowest: float
     highest: float
     meaning: str
+    wide: tuple[float, float] | None = None
+    """Its range in the preset "wide"."""
     needs: str = ""
     """"container" (or receiver), "loose grains" (in a container or a pile), "dose" or "arm"; empty: any task has it."""
 
 
 NUMBERS = {
-    "tool_friction": Drawn("1", 0.0, 10.0, "friction between grains and tool"),
-    "container_friction": Drawn("1", 0.0, 10.0, "friction between grains and container", "container"),
-    "tool_x": Drawn("m", -0.5, 0.5, "displacement of the tool's start along x"),
-    "tool_y": Drawn("m", -0.5, 0.5, "along y"),
-    "tool_z": Drawn("m", -0.5, 0.5, "along z"),
-    "tool_yaw_deg": Drawn("deg", -180.0, 180.0, "turn of the tool about the vertical at the start"),
-    "place_x": Drawn("m", -0.5, 0.5, "displacement of container, target and bounds along x"),
-    "place_y": Drawn("m", -0.5, 0.5, "along y"),
-    "place_yaw_deg": Drawn("deg", -180.0, 180.0, "their turn about the container's, or else the target's middle"),
-    "fill": Drawn("1", 0.2, 3.0, "volume of the grains over the task's; one of three levels"),
+    "tool_friction": Drawn("1", 0.0, 10.0, "friction between grains and tool", (0.05, 0.3)),
+    "container_friction": Drawn("1", 0.0, 10.0, "friction between grains and container", (0.3, 0.7), "container"),
+    "tool_x": Drawn("m", -0.5, 0.5, "displacement of the tool's start along x", (-0.03, 0.03)),
+    "tool_y": Drawn("m", -0.5, 0.5, "along y", (-0.03, 0.03)),
+    "tool_z": Drawn("m", -0.5, 0.5, "along z", (-0.03, 0.03)),
+    "tool_yaw_deg": Drawn("deg", -180.0, 180.0, "turn of the tool about the vertical at the start", (-20.0, 20.0)),
+    "place_x": Drawn("m", -0.5, 0.5, "displacement of container, target and bounds along x", (-0.03, 0.03)),
+    "place_y": Drawn("m", -0.5, 0.5, "along y", (-0.03, 0.03)),
+    "place_yaw_deg": Drawn("deg", -180.0, 180.0, "their turn about the container's, or else the target's middle",
+                           (-30.0, 30.0)),
+    "fill": Drawn("1", 0.2, 3.0, "volume of the grains over the task's; one of three levels", (0.8, 1.2)),
     "surface_slope_deg": Drawn("deg", -40.0, 40.0, "slope of their surface along the container's x; one of three "
-                               "levels", "loose grains"),
-    **{f"mount_{axis}": Drawn("m", -0.05, 0.05, f"error of the tool's place in the hand along its {axis}")
+                               "levels", (-10.0, 10.0), "loose grains"),
+    **{f"mount_{axis}": Drawn("m", -0.05, 0.05, f"error of the tool's place in the hand along its {axis}",
+                              (-1e-3, 1e-3)) for axis in "xyz"},
+    **{f"mount_{axis}_deg": Drawn("deg", -45.0, 45.0, f"error of its turn in the hand about its {axis}", (-0.5, 0.5))
        for axis in "xyz"},
-    **{f"mount_{axis}_deg": Drawn("deg", -45.0, 45.0, f"error of its turn in the hand about its {axis}")
-       for axis in "xyz"},
-    TARGET_MASS: Drawn("kg", 1e-3 * LEAST_DOSE, 1e-3 * LARGEST_DOSE, "mass to dose", "dose"),
-    "stiffness": Drawn("1", 0.2, 3.0, "factor on the servo's stiffness", "arm"),
-    "damping": Drawn("1", 0.2, 3.0, "factor on the servo's damping", "arm"),
-    "payload": Drawn("1", 0.2, 5.0, "factor on mass and inertia of hand and tool, unknown to the controller", "arm"),
+    TARGET_MASS: Drawn("kg", 1e-3 * LEAST_DOSE, 1e-3 * LARGEST_DOSE, "mass to dose", None, "dose"),
+    "stiffness": Drawn("1", 0.2, 3.0, "factor on the servo's stiffness", (0.9, 1.1), "arm"),
+    "damping": Drawn("1", 0.2, 3.0, "factor on the servo's damping", (0.9, 1.1), "arm"),
+    "payload": Drawn("1", 0.2, 5.0, "factor on mass and inertia of hand and tool, unknown to the controller",
+                     (0.8, 1.2), "arm"),
 }
 """Name -> what it is, besides the numbers of the material and those of sensors, "term.option"."""
 LEVELS = 3
@@ -68,18 +72,11 @@ def valid_numbers(task: TaskConfig, arm: bool) -> list[str]:
 def wide_ranges(task: TaskConfig, arm: bool = False) -> Ranges:
     """Return the ranges of the preset "wide" for a task.
 
-    Places: 30 mm and 30 deg; the tool's start: 30 mm and 20 deg. Friction of the tool: from polished to worn steel.
-    Errors of the robot: those of `robosim.robot.model_errors`, as a laboratory identifies its own by hand.
+    Friction of the tool: from polished to worn steel. Errors of the robot: those of `robosim.robot.model_errors`, as a
+    laboratory identifies its own by hand.
     """
-    ranges: dict[str, Sequence[Any]] = {
-        MATERIAL: ("salt", "sugar", "sand", "flour"), "tool_friction": (0.05, 0.3), "container_friction": (0.3, 0.7),
-        "tool_x": (-0.03, 0.03), "tool_y": (-0.03, 0.03), "tool_z": (-0.03, 0.03), "tool_yaw_deg": (-20.0, 20.0),
-        "place_x": (-0.03, 0.03), "place_y": (-0.03, 0.03), "place_yaw_deg": (-30.0, 30.0), "fill": (0.8, 1.2),
-        "surface_slope_deg": (-10.0, 10.0), **{f"mount_{axis}": (-1e-3, 1e-3) for axis in "xyz"},
-        **{f"mount_{axis}_deg": (-0.5, 0.5) for axis in "xyz"}, "stiffness": (0.9, 1.1), "damping": (0.9, 1.1),
-        "payload": (0.8, 1.2)}
-    return {name: pair for name, pair in ranges.items()
-            if name == MATERIAL or has(task, NUMBERS[name].needs, arm)}
+    return {MATERIAL: ("salt", "sugar", "sand", "flour")} | {
+        name: drawn.wide for name, drawn in NUMBERS.items() if drawn.wide and has(task, drawn.needs, arm)}
 
 
 def choose_ranges(given: str | Ranges | None, task: TaskConfig, arm: bool = False) -> Ranges:

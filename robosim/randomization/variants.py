@@ -45,15 +45,10 @@ def check_fill(task: TaskConfig, fill: float, slope_deg: float) -> None:
                               f"mm, its rim")
 
 
-def pivot(task: TaskConfig) -> np.ndarray:
-    """Return the point [m] (3,) that places are turned about."""
-    middle = task.containers[task.container].position if task.container else task.target.centre
-    return np.array(middle, float)
-
-
 def displacement(task: TaskConfig, x: float, y: float, yaw_deg: float) -> mpm.Pose:
-    """Return the motion from a task's places to others: a turn about the pivot, then a shift [m] on the table."""
-    half, centre = 0.5 * np.radians(yaw_deg), pivot(task)
+    """Return the motion to other places: a turn about the container or else the target, then a shift [m]."""
+    centre = np.array(task.containers[task.container].position if task.container else task.target.centre, float)
+    half = 0.5 * np.radians(yaw_deg)
     turn = mpm.Pose(np.zeros(3), np.array([np.cos(half), 0.0, 0.0, np.sin(half)]))
     return mpm.Pose(centre + [x, y, 0.0] - turn.apply(centre[None])[0], turn.quaternion)
 

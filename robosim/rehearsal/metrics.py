@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose
-from robosim.cell.dosing_stage import DosingStage
+from robosim.cell.dosing_driver import DosingDriver
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import accepted_error
 from robosim.planning.learned_path import LearnedPath
@@ -91,7 +91,7 @@ def find_missed(figures: dict[str, object], config: RehearsalConfig) -> list[str
 
 def compute_figures(run: RehearsalRun) -> dict[str, object]:
     """Compute the report's figures as JSON values; a name ends in the unit; fractions are of the scooped mass."""
-    config, plan, path, stage = run.config, run.plan, run.plan.path, run.stage
+    config, plan, path, dosing = run.config, run.plan, run.plan.path, run.dosing
     clearance, approach = plan.clearance, plan.approach
     return {
         "material": config.material, "grains": len(run.solver.masses()), "cell_m": config.field.cell,
@@ -124,7 +124,8 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "grasp": config.grasp, "grasp_slip_m": run.cell.grasp.slip,
         "grasp_slip_deg": float(np.degrees(run.cell.grasp.slip_angle)),
         **_set_down_figures(run),
-        **({} if stage is None else dose_figures(stage, run.mass_in_cup() - stage.tare, float(run.solver.masses()[0]))),
+        **({} if dosing is None else dose_figures(dosing, run.weigh_dose()[0] - dosing.tare,
+                                                  float(run.solver.masses()[0]))),
         "particles_lost": int(run.readings.stack_grains("lost").max()),
     }
 
@@ -184,21 +185,21 @@ def _set_down_figures(run: RehearsalRun) -> dict[str, object]:
             "set_down_tilt_deg": float(np.degrees(leaning))}
 
 
-def dose_figures(stage: DosingStage, mass: float, grain_mass: float) -> dict[str, object]:
+def dose_figures(dosing: DosingDriver, mass: float, grain_mass: float) -> dict[str, object]:
     """Return the figures of a dose.
 
     mass: in the cup at the end of the rehearsal, less the tare [kg]. grain_mass: of a material point [kg], below which
     no error means anything.
     """
-    shown, masses, tilts = (stage.stack(name) for name in ("shown", "mass", "tilt"))
-    seconds = None if stage.begin is None or stage.done is None else stage.done - stage.begin
+    shown, masses, tilts = (dosing.stack(name) for name in ("shown", "mass", "tilt"))
+    seconds = None if dosing.begin is None or dosing.done is None else dosing.done - dosing.begin
     return {
-        "dose_target_kg": stage.target, "dose_kg": mass, "dose_error_kg": mass - stage.target,
-        "dose_relative_error_ratio": (mass - stage.target) / stage.target,
-        "dose_overshoot_kg": max(float(max(masses.max(initial=0.0), mass)) - stage.target, 0.0),
+        "dose_target_kg": dosing.target, "dose_kg": mass, "dose_error_kg": mass - dosing.target,
+        "dose_relative_error_ratio": (mass - dosing.target) / dosing.target,
+        "dose_overshoot_kg": max(float(max(masses.max(initial=0.0), mass)) - dosing.target, 0.0),
         "dose_shown_kg": float(shown[-1]) if len(shown) else None, "dose_grain_mass_kg": grain_mass,
         "dosing_time_s": seconds, "dosing_largest_tilt_deg": float(np.degrees(tilts.max(initial=0.0))),
-        "dosing_timed_out": stage.is_late,
+        "dosing_timed_out": dosing.is_late,
     }
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from robosim.cell.dosing_stage import DoseSample, DosingStage
+from robosim.cell.dosing_driver import DoseSample, DosingDriver
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.comparison import replay_charts
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
@@ -96,8 +96,8 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
               most=bounds["momentum_residual"].high, is_logarithmic=True),
         Chart("energy of the grains since the start [mJ]", energy_curves(run)),
     ]
-    if run.stage is not None:
-        charts[:0] = dose_charts(run.stage)
+    if run.dosing is not None:
+        charts[:0] = dose_charts(run.dosing)
     if run.replay is not None:
         charts[1:1] = replay_charts(run.replay, run.compare_wrench(), run.readings.joints, run.config.grasp_time)
     if run.solver.sleep:
@@ -106,11 +106,11 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
     return charts
 
 
-def dose_charts(stage: DosingStage) -> list[Chart]:
+def dose_charts(dosing: DosingDriver) -> list[Chart]:
     """Return the charts of a dose: masses and target, the balance's error, and what the controller commands."""
-    time, shown, mass, tilt, amplitude = (stage.stack(name) for name in DoseSample._fields)
+    time, shown, mass, tilt, amplitude = (dosing.stack(name) for name in DoseSample._fields)
     return [Chart("dose [g]", [Curve("in the cup", time, 1e3 * mass), Curve("the balance shows", time, 1e3 * shown),
-                               Curve("target", time, np.full_like(time, 1e3 * stage.target), dashed=True)]),
+                               Curve("target", time, np.full_like(time, 1e3 * dosing.target), dashed=True)]),
             Chart("what the balance shows less what is in the cup [g]", [Curve("shown", time, 1e3 * (shown - mass))]),
             Chart("tilt of the tool while it doses [deg]", [Curve("tilt", time, np.degrees(tilt))]),
             Chart("commanded amplitude of the vibration [mm]", [Curve("amplitude", time, 1e3 * amplitude)])]

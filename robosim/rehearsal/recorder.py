@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from robosim.base.provenance import commit
-from robosim.cell.drivers import DosingDriver
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.episode.sheet import LOAD
 from robosim.planning.waypoint_path import is_in_container
@@ -16,7 +15,7 @@ from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.mass_balance import GRAVITY
 from robosim.rehearsal.readings import Step
 from robosim.rehearsal.run import DOSE, RehearsalRun
-from robosim.scene.grains import container_region, is_in_tool
+from robosim.scene.grains import container_region, grain_volume_of, is_in_tool
 from robosim.shapes import tool_shape
 
 FORCES = ("Fx", "Fy", "Fz")
@@ -45,8 +44,8 @@ def make_recorder(run: RehearsalRun, path: Path, frame_rate: float = FRAME_RATE)
     return SceneRecorder(
         path, run.cell.model, run.cell.data, run.solver, kind="rehearsal",
         title=f"{config.description}: {config.material}",
-        caption=config.material, curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=frame_rate,
-        grain_volume=run.grains.grain_volume, colour=run.material.colour, tool=config.tool_name,
+        caption=config.material, curves=CURVES + (DOSE_CURVES if run.dosing else []), frame_rate=frame_rate,
+        grain_volume=grain_volume_of(run.solver), colour=run.material.colour, tool=config.tool_name,
         hand=run.cell.model.body(run.cell.scene.wrist).name, paths={"commanded": commanded},
         regions=list(counting_regions(config)), waypoints=list_waypoints(run, run.passages()), commit=commit())
 
@@ -54,8 +53,9 @@ def make_recorder(run: RehearsalRun, path: Path, frame_rate: float = FRAME_RATE)
 def finish_recording(run: RehearsalRun, recorder: SceneRecorder) -> None:
     """Add the waypoints after a dose, if it came to its end, and close the recording. May be called twice."""
     try:
-        if isinstance(run.driver, DosingDriver) and run.driver.delay > 0.0 and not recorder.writer.is_closed:
-            late = [(time, name) for time, name in run.passages() if time > run.driver.begin]
+        dosing = run.dosing
+        if dosing is not None and dosing.delay > 0.0 and not recorder.writer.is_closed:
+            late = [(time, name) for time, name in run.passages() if time > dosing.due]
             recorder.writer.add_waypoints(list_waypoints(run, late))
     finally:
         recorder.close()
@@ -101,13 +101,13 @@ class RunReadings:
 
     def _dose(self) -> list[float]:
         """Masses [g] in the cup, on the balance's display, and wanted, as of its last reading; empty without a dose."""
-        stage = self._run.stage
-        if stage is None:
+        dosing = self._run.dosing
+        if dosing is None:
             return []
-        if not stage.samples:
+        if not dosing.samples:
             return [np.nan] * 3
-        last = stage.samples[-1]
-        return [1e3 * last.mass, 1e3 * last.shown, 1e3 * stage.target]
+        last = dosing.samples[-1]
+        return [1e3 * last.mass, 1e3 * last.shown, 1e3 * dosing.target]
 
     def _masses(self, positions: np.ndarray) -> tuple[float, float]:
         """Masses [g] in the tool, and outside of all places.

@@ -8,7 +8,7 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.base.output_folder import OutputFolder
-from robosim.cell.dosing_stage import DoseSample
+from robosim.cell.dosing_driver import DoseSample
 from robosim.config.motion import JointTrajectoryConfig
 from robosim.config.table import validate
 from robosim.episode.film import FilmFailed
@@ -52,8 +52,8 @@ class Result:
         align_signs(self.curves["commanded"], self.curves["reached"])
         self.curves |= {"grain_time": run.readings.stack_grains("time"),
                         "mass_in_tool": run.readings.stack_grains("mass_in_tool")}
-        if run.stage is not None:  # see `robosim.cell.dosing_stage.DoseSample`
-            self.curves |= {f"dose_{name}": run.stage.stack(name) for name in DoseSample._fields}
+        if run.dosing is not None:  # see `robosim.cell.dosing_driver.DoseSample`
+            self.curves |= {f"dose_{name}": run.dosing.stack(name) for name in DoseSample._fields}
         self.positions = run.solver.positions()
         """Of the grains at the end [m] (m, 3)."""
         self.is_repeatable = run.replay is None and not run.driver.is_own and self.config.dose is None

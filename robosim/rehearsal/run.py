@@ -9,8 +9,8 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.cell.cell import Cell
-from robosim.cell.dosing_stage import DosingStage
-from robosim.cell.drivers import DosingDriver, MotionDriver, OwnDriver, RobotState
+from robosim.cell.dosing_driver import DosingDriver
+from robosim.cell.drivers import MotionDriver, OwnDriver, RobotState
 from robosim.config.materials import MaterialConfig, load_material
 from robosim.planning.lip_motion import dose_cup
 from robosim.planning.picking import SETTLING
@@ -24,7 +24,7 @@ from robosim.robot.timing import JointState
 from robosim.scene.build import build_rehearsal_spec
 from robosim.scene.compiled import compile_scene
 from robosim.scene.container_clearance import monitor_containers
-from robosim.scene.field import FieldOptions, build_field
+from robosim.scene.field import TOOL, FieldOptions, build_field
 from robosim.scene.grains import is_at_border, is_in_container, is_in_tool
 from robosim.scene.grasp import CLOSING_SHARE
 
@@ -61,9 +61,8 @@ class RehearsalRun:
         self.sensors = TorqueSensors(self.cell.model, self.cell.data, plan.arm)
         self.surface = monitor_containers(config)
         """The containers' surfaces, against which the tool is tested; None where they are not monitored."""
-        self.grains = build_field(config, self.material.make_law(), self.cell.tool_pose(), FieldOptions(seed))
-        self.solver = self.grains.solver
-        self.cell.couple(self.solver, self.grains.tool, config.coupling)
+        self.solver = build_field(config, self.material.make_law(), self.cell.tool_pose(), FieldOptions(seed))
+        self.cell.couple(self.solver, TOOL, config.coupling)
         self._grain_mass = float(self.solver.masses()[0])
         self.driver: MotionDriver = self._make_driver(driver)
         """What commands the joints."""
@@ -109,14 +108,12 @@ class RehearsalRun:
         if own is not None and not (hasattr(own, "start") and hasattr(own, "command")):
             raise ConfigError(f"driver = {own!r:.100} in a rehearsal with a dose; accepted: a controller of doses, "
                               f"with the methods `start` and `command` (robosim.dosing.command.DoseController)")
-        begin = self.plan.path.rests[config.dose_at][1]
-        stage = DosingStage(config, arm, motion.state(begin).q, self.mass_in_cup, self.seed, own, late)
-        return DosingDriver(motion, config.grasp_time, late, stage, begin + config.grasp_time, self.held_mass)
+        return DosingDriver(self.plan, self.weigh_dose, self.seed, own, late)
 
     @property
-    def stage(self) -> DosingStage | None:
-        """The dose, of a rehearsal with one."""
-        return self.driver.stage if isinstance(self.driver, DosingDriver) else None
+    def dosing(self) -> DosingDriver | None:
+        """The driver of a rehearsal with a dose."""
+        return self.driver if isinstance(self.driver, DosingDriver) else None
 
     @property
     def held_until(self) -> float:
@@ -143,7 +140,7 @@ class RehearsalRun:
         times = [(self.config.grasp_time + time, name) for name, time in self.plan.path.times.items()]
         if not isinstance(self.driver, DosingDriver):
             return sorted(times)
-        begin, delay = self.driver.begin, self.driver.delay
+        begin, delay = self.driver.due, self.driver.delay
         after = sorted((time + delay, name) for time, name in times if time >= begin)
         return sorted(one for one in times if one[0] < begin) + [(begin, DOSE)] + (after if delay > 0.0 else [])
 
@@ -151,15 +148,12 @@ class RehearsalRun:
         """Return which of the grains at positions (n, 3) [m] are in the tool (n,)."""
         return is_in_tool(self.config.tool, positions, self.cell.tool_pose())
 
-    def held_mass(self) -> float:
-        """Return the mass [kg] in the tool."""
-        return self._grain_mass * int(self.is_held(self.solver.positions()).sum())
-
-    def mass_in_cup(self) -> float:
-        """Return the mass [kg] in the cup of the dose, without grains that the tool holds above it."""
+    def weigh_dose(self) -> tuple[float, float]:
+        """Return the masses [kg] in the cup of the dose, less what the tool holds above it, and in the tool."""
         name, positions = dose_cup(self.config), self.solver.positions()
         inside = is_in_container(positions, name, self.config.containers[name])
-        return self._grain_mass * int((inside & ~self.is_held(positions)).sum())
+        held = self.is_held(positions)
+        return self._grain_mass * int((inside & ~held).sum()), self._grain_mass * int(held.sum())
 
     def _read_robot(self, time: float, planned: JointState) -> RobotState:
         """Return what a user's driver reads."""

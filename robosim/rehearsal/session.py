@@ -13,7 +13,7 @@ import mpm
 from robosim.base.errors import ConfigError, DriverFault, RobotDiverged
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
-from robosim.cell.dosing_stage import check_target, make_dose_controller
+from robosim.cell.dosing_driver import check_target, make_dose_controller
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.table import validate

@@ -15,25 +15,20 @@ class Error(RewardTerm):
     weight: PositiveWeight
 
     def begin(self) -> dict[str, float]:
-        """Return the size of the error of no mass, as a share of the target."""
         return {"error": 1.0}
 
     def step(self, step: Step, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the weight of what the error has decreased by."""
         before, memory["error"] = memory["error"], min(abs(step.dosed - 1.0), WORST_ERROR)
         return self.weight * (before - memory["error"])
 
     def worst(self, steps_left: int, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the value of the largest error."""
         before, memory["error"] = memory["error"], WORST_ERROR
         return self.weight * (before - WORST_ERROR)
 
     def extremes(self, scene: RewardScene) -> tuple[float, float]:
-        """Return the values of no mass and of an exact dose."""
         return 0.0, self.weight
 
     def row(self, scene: RewardScene) -> tuple[str, object]:
-        """Return the formula."""
         return "step", f"{self.weight:g} x decrease of abs(m / target - 1), which counts up to 2"
 
 
@@ -45,19 +40,15 @@ class Time(RewardTerm):
     weight: PositiveWeight
 
     def step(self, step: Step, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the cost of a step."""
         return -self.weight / scene.steps
 
     def worst(self, steps_left: int, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the cost of the steps left."""
         return -self.weight * steps_left / scene.steps
 
     def extremes(self, scene: RewardScene) -> tuple[float, float]:
-        """Return the cost of an episode of full length, and of none."""
         return -self.weight, 0.0
 
     def row(self, scene: RewardScene) -> tuple[str, object]:
-        """Return the cost of a step."""
         return "step", f"{-self.weight / scene.steps:.3g}"
 
 
@@ -69,19 +60,15 @@ class Spill(RewardTerm):
     weight: PositiveWeight
 
     def begin(self) -> dict[str, float]:
-        """Return nothing spilled."""
         return {"spilled": 0.0}
 
     def step(self, step: Step, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the cost of what has been spilled in this step; what comes back is paid back."""
         before, memory["spilled"] = memory["spilled"], min(step.spilled, 1.0)
         return self.weight * (before - memory["spilled"])
 
     def worst(self, steps_left: int, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the cost of spilling as much as the target."""
         before, memory["spilled"] = memory["spilled"], 1.0
         return self.weight * (before - 1.0)
 
     def row(self, scene: RewardScene) -> tuple[str, object]:
-        """Return the formula."""
         return "step", f"-{self.weight:g} x increase of the spilled mass / target, which counts up to 1"

@@ -33,7 +33,6 @@ class Distance(RewardTerm):
         return self.total / (scene.steps * gamma), gamma
 
     def step(self, step: Step, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return beta (gamma - distance)."""
         beta, gamma = self.scale(scene)
         return beta * (gamma - step.distance)
 
@@ -42,7 +41,6 @@ class Distance(RewardTerm):
         return -self.total * steps_left / scene.steps
 
     def row(self, scene: RewardScene) -> tuple[str, object]:
-        """Return the formula with its numbers."""
         counted = "grains closest to the goal" if scene.ranks else "observed grains"
         beta, gamma = self.scale(scene)
         return "step", (f"{beta:.4g} ({gamma:.4g} - sum over the {scene.counted} {counted} of "
@@ -52,17 +50,12 @@ class Distance(RewardTerm):
 class Lost(RewardTerm):
     """Per grain that leaves the bounds; beta^n in arXiv 2406.09178."""
 
-    name = "lost"
+    name, PER = "lost", "grain that leaves the bounds"
 
     weight: Annotated[float, Field(ge=-1e6, le=0.0)]
 
     def step(self, step: Step, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the weight of the grains that left the bounds in this step."""
         return self.weight * step.counts.newly_exited
-
-    def row(self, scene: RewardScene) -> tuple[str, object]:
-        """Return the weight."""
-        return "grain that leaves the bounds", self.weight
 
 
 class Target(RewardTerm):
@@ -76,7 +69,6 @@ class Target(RewardTerm):
     weight: PositiveWeight
 
     def step(self, step: Step, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the weight of the grains on the target less those elsewhere."""
         if scene.pours:
             return self.weight * (2 * step.counts.exited_from_region - step.counts.newly_exited)
         return self.weight * (2 * step.on_target - scene.counted) if step.last else 0.0
@@ -86,11 +78,9 @@ class Target(RewardTerm):
         return -self.weight * scene.counted
 
     def extremes(self, scene: RewardScene) -> tuple[float, float]:
-        """Return the values of no grain and of all of them on the target; what is not poured earns nothing here."""
         return 0.0 if scene.pours else -self.weight * scene.counted, self.weight * scene.counted
 
     def row(self, scene: RewardScene) -> tuple[str, object]:
-        """Return both weights."""
         if scene.pours:
             return "grain that leaves the bounds", f"+{self.weight} over the target, else -{self.weight}"
         return f"grain of the {scene.counted}, last step", f"+{self.weight} on the target, else -{self.weight}"
@@ -104,19 +94,12 @@ class Poured(RewardTerm):
     weight: Annotated[float, Field(ge=0.0, le=1e6)]
 
     def step(self, step: Step, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the weight of the grains outside the bounds less those inside."""
         return self.weight * (2 * step.counts.exited - scene.counted) if step.last else 0.0
 
-    def worst(self, steps_left: int, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the value of no grain poured out."""
-        return -self.weight * scene.counted
-
     def extremes(self, scene: RewardScene) -> tuple[float, float]:
-        """Return the values of no grain and of all of them poured out."""
         return -self.weight * scene.counted, self.weight * scene.counted
 
     def row(self, scene: RewardScene) -> tuple[str, object]:
-        """Return both weights."""
         return "grain, last step", f"+{self.weight} outside the bounds, else -{self.weight}"
 
 
@@ -128,9 +111,7 @@ class Contact(RewardTerm):
     weight: Annotated[float, Field(ge=0.0, le=1e6)]
 
     def step(self, step: Step, scene: RewardScene, memory: dict[str, float]) -> float:
-        """Return the weight of the grains within half a cell of the tool's surface."""
         return self.weight * step.counts.near
 
     def row(self, scene: RewardScene) -> tuple[str, object]:
-        """Return the weight."""
         return "grain that touches the tool, step", f"+{self.weight}"

@@ -1,8 +1,4 @@
-"""Reward and score of one episode: the sum of its terms.
-
-A term has the same name in `info["reward_terms"]` and in the task completion score (TCS), which leaves out the terms
-that only guide learning.
-"""
+"""Reward of one episode, the sum of its terms, and its task completion score (TCS), without those that only guide."""
 
 import copy
 from typing import Any
@@ -36,15 +32,11 @@ class Reward:
         return self._add({name: term.step(step, self.scene, self._memory[name]) for name, term in self.terms.items()})
 
     def diverge(self, steps_left: int) -> dict[str, float]:
-        """Return the terms of an episode whose simulation diverged, and add them to the score.
-
-        They are the worst there are, so that divergence never pays.
-        """
+        """Return the terms of an episode whose simulation diverged, the worst there are, and add them to the score."""
         return self._add({name: term.worst(steps_left, self.scene, self._memory[name])
                           for name, term in self.terms.items()})
 
     def _add(self, values: dict[str, float]) -> dict[str, float]:
-        """Add the scored ones among values to the score."""
         for name in self.score:
             self.score[name] += values[name]
         return values
@@ -60,9 +52,6 @@ class Reward:
                 for name, value in term.readings(self._memory[key]).items()}
 
     def extremes(self) -> tuple[float, float]:
-        """Return the score of a tool that never moves and of a perfect motion.
-
-        A perfect motion brings all grains to the target, loses none and never collides.
-        """
+        """Return the score of a tool that never moves, and of a motion that brings all grains to the target."""
         pairs = [self.terms[name].extremes(self.scene) for name in self.score]
         return sum(worst for worst, _ in pairs), sum(best for _, best in pairs)

@@ -37,7 +37,6 @@ def write_terms(terms: dict[str, RewardTerm]) -> dict[str, Any]:
 
 @lru_cache
 def _build_section(*kinds: type[RewardTerm]) -> type[Table]:
-    """Return the schema of a section with these terms."""
     keys: dict[str, Any] = {}
     for kind in kinds:
         shape: Any = Annotated[kind, pydantic.WithJsonSchema(kind.model_json_schema())] if kind.is_number() else kind

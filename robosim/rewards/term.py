@@ -48,9 +48,9 @@ class Step(NamedTuple):
 class RewardTerm(Table):
     """One part of a reward: its keys in the task's file, its value in each step, and its row on the task's page.
 
-    A subclass with a `name` is known by it. Where `weight` is its only field, the file gives the number alone. The
-    terms of a task are summed in the order in which their classes were defined. A term keeps nothing from step to step;
-    what it has to remember within an episode, `begin` returns and the other methods are given.
+    A subclass with a `name` is known by it. Where `weight` is its only field, the file gives the number alone. Terms
+    are summed in the order of their classes. A term keeps nothing from step to step; what it has to remember of an
+    episode, `begin` returns for the other methods.
     """
 
     name: ClassVar[str]
@@ -60,10 +60,11 @@ class RewardTerm(Table):
     """Whether it reads `counts.near`, which is counted only where somebody asks for it."""
     of_dose: ClassVar[bool] = False
     """Whether it needs a task with a dose."""
+    PER: ClassVar[str] = "step"
+    """When or for what it is given."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Make a term known by its name."""
         if "name" in vars(cls):
             KINDS[cls.name] = cls
 
@@ -96,7 +97,7 @@ class RewardTerm(Table):
 
     def worst(self, steps_left: int, scene: RewardScene, memory: dict[str, float]) -> float:
         """Return the lowest value that the steps left can have, for an episode whose simulation diverged."""
-        return 0.0
+        return self.extremes(scene)[0]
 
     def extremes(self, scene: RewardScene) -> tuple[float, float]:
         """Return the sum over an episode of a tool that never moves, and that of a perfect motion."""
@@ -108,7 +109,7 @@ class RewardTerm(Table):
 
     def row(self, scene: RewardScene) -> tuple[str, object]:
         """Return when or for what it is given, and its value, for the page of the task."""
-        raise NotImplementedError
+        return self.PER, getattr(self, "weight", None)
 
 
 Kind = TypeVar("Kind", bound=RewardTerm)

@@ -34,10 +34,8 @@ def compile_rehearsal(config: RehearsalConfig, assembly: Assembly | None = None)
 
 def build_rehearsal_spec(config: RehearsalConfig, assembly: Assembly) -> mujoco.MjSpec:
     """Assemble the whole rigid scene of a rehearsal, with its sensors; assembly: of its robot."""
-    workcell = read_workcell(config)
-    spec = build_scene_spec(assembly, config.grasp, config.containers, config.host_dt,
-                            contact="contact" in config.tool_container, workcell=workcell,
-                            stand=config.standing_pose)
+    spec = build_scene_spec(assembly, config.grasp, config.containers, config.host_dt, stand=config.standing_pose,
+                            contact="contact" in config.tool_container, workcell=read_workcell(config))
     add_sensors(spec, assembly)
     return spec
 
@@ -59,9 +57,8 @@ def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, Cont
                      contact: bool, workcell: mujoco.MjSpec | None = None, stand: Pose | None = None) -> mujoco.MjSpec:
     """Assemble work cell, robot with its tool, and containers.
 
-    containers: name -> what it is and where it stands. host_dt: MuJoCo's time step [s]. contact: whether MuJoCo
-    makes contacts between tool and containers. workcell: None for the bundled one. stand: where a
-    tool stands that the hand does not hold yet.
+    host_dt: MuJoCo's time step [s]. contact: whether MuJoCo makes contacts between tool and containers. workcell: None
+    for the bundled one. stand: where a tool stands that the hand does not hold yet.
     """
     spec = load_spec("workcell", "workcell.xml") if workcell is None else workcell
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

@@ -16,12 +16,6 @@ class ContactCounter:
     """
 
     def __init__(self, scene: Scene, data: mujoco.MjData, containers: Collection[str]) -> None:
-        self.tool_container_contacts = 0
-        """Contacts of the tool with containers."""
-        self.robot_surroundings_contacts = 0
-        """Contacts of arm, hand and tool with table, floor and obstacles, and of arm and hand with containers."""
-        self.robot_self_contacts = 0
-        """Contacts between parts of the arm, and of hand and tool with the arm."""
         self._model, self._data = scene.model, data
         bodies = np.arange(scene.model.nbody)
         is_own = np.isin(bodies, scene.robot_bodies())
@@ -30,10 +24,11 @@ class ContactCounter:
         self._is_robot = is_own & (scene.model.body_weldid > 0)
         self._is_container = np.array([scene.model.body(int(b)).name in containers for b in bodies])
         self._is_other = ~is_own & ~self._is_container
+        self.restart()
 
     def restart(self) -> None:
         """Set the sums to zero."""
-        self.tool_container_contacts = self.robot_surroundings_contacts = self.robot_self_contacts = 0
+        self.load({"tool_container": 0, "surroundings": 0, "itself": 0})
 
     def state(self) -> dict[str, int]:
         """Return the sums."""
@@ -42,8 +37,12 @@ class ContactCounter:
 
     def load(self, state: dict[str, int]) -> None:
         """Take over what `state` returned."""
-        self.tool_container_contacts, self.robot_surroundings_contacts = state["tool_container"], state["surroundings"]
+        self.tool_container_contacts = state["tool_container"]
+        """Contacts of the tool with containers."""
+        self.robot_surroundings_contacts = state["surroundings"]
+        """Contacts of arm, hand and tool with table, floor and obstacles, and of arm and hand with containers."""
         self.robot_self_contacts = state["itself"]
+        """Contacts between parts of the arm, and of hand and tool with the arm."""
 
     def count(self, is_held: bool = True) -> None:
         """Add the contacts of the present step; is_held: whether the hand holds the tool, or it stands by itself."""

@@ -29,18 +29,12 @@ def monitor_containers(config: RehearsalConfig) -> "ContainerSurface | None":
 
 @cache
 def build_real_tool_sdf(shape: ToolShape) -> Lattice:
-    """Build the signed distance of a tool with its real wall, in its own frame.
-
-    It is evaluated on the host only, so all scenes share one.
-    """
+    """Build the signed distance of a tool with its real wall, in its own frame."""
     return shape.real_distance(TOOL_SPACING)
 
 
 class ContainerSurface:
-    """Points on the surfaces of a rehearsal's containers.
-
-    They are tested against the tool's signed distance. Poses are world poses of the tool's frame.
-    """
+    """Points on the surfaces of a rehearsal's containers, tested against the distance of a tool at world poses."""
 
     def __init__(self, config: RehearsalConfig) -> None:
         self._sdf = build_real_tool_sdf(tool_shape(config.tool))
@@ -84,10 +78,9 @@ class ContainerSurface:
             self.depth = max(self.depth, -self._clearance)
 
     def compute_displacement(self, pose: Pose, margin: float) -> np.ndarray:
-        """Compute the displacement (3,) [m] of the tool that restores a clearance.
+        """Compute the displacement (3,) [m] of the tool that restores a clearance `margin` [m]; zero where it is kept.
 
-        margin: the clearance [m]. It leads away from the closest point, along the gradient of the signed distance; zero
-        where no point is closer than the margin.
+        It leads away from the closest point, along the gradient of the signed distance.
         """
         points = self._select_near(pose, margin)
         distance = self._sdf.distance(points) if len(points) else np.array([margin])
@@ -102,10 +95,7 @@ class ContainerSurface:
         return -(margin - distance[closest]) * (pose.matrix @ gradient) / length
 
     def _select_near(self, pose: Pose, margin: float) -> np.ndarray:
-        """Select the points (n, 3) [m], in the tool's frame, that may be closer to it than `margin` [m].
-
-        All others lie outside the box of the tool's lattice, which holds the tool.
-        """
+        """Select the points (n, 3) [m], in the tool's frame, in the box of its lattice, or `margin` [m] around it."""
         R = pose.matrix.T
         along_z = R[:, 2]
         lowest = pose.position[2] + float(np.minimum(along_z * self._low, along_z * self._high).sum())

@@ -1,7 +1,7 @@
 """The granular field of a scene: its solver, its colliders, and checks of its configuration."""
 
-import functools
 import warnings
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,29 +14,21 @@ from robosim.base.errors import ConfigError
 from robosim.config.bounds import MAX_GRAINS, MAX_SUBSTEPS
 from robosim.config.materials import Law
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.config.scene import ContainerConfig, FieldConfig
+from robosim.config.scene import FieldConfig
 from robosim.config.scene_config import SceneConfig
 from robosim.config.tool import ToolConfig
-from robosim.scene.grains import Filling, build_container_sdf, fill
+from robosim.scene.grains import CONTAINER_SPACING, CONTAINER_WALL, Filling, fill
 from robosim.scene.models import container_shape
 from robosim.shapes import ToolShape, tool_shape
 
+TOOL = 0
+"""Index of the tool's collider in the solver of a scene."""
 TOOL_SPACING = 1e-3
 """Lattice spacing [m] of the tool's signed distance: interpolation is exact to 0.1 mm at a sixth of a wall."""
 HEAD_POINTS = 4
 """Points of the lattice of a tool's head along a cell, where its handle is left out."""
 REGION_MARGIN = 0.08
 """Distance [m] around containers, waypoints, pile and area to which grains are computed, where no region is given."""
-
-
-class GrainField(NamedTuple):
-    """The solver of a scene, its tool's collider and its grains' volume."""
-
-    solver: mpm.Solver
-    tool: int
-    """Index of the tool's collider."""
-    grain_volume: float
-    """[m^3]"""
 
 
 class FieldOptions(NamedTuple):
@@ -56,18 +48,15 @@ class FieldOptions(NamedTuple):
     """Substep [s]; None: the scene's own."""
 
 
-RIGHT_AWAY = FieldOptions()
-"""Of a rehearsal."""
-
-
-def build_field(scene: SceneConfig, law: Law, tool_pose: mpm.Pose, options: FieldOptions = RIGHT_AWAY) -> GrainField:
+def build_field(scene: SceneConfig, law: Law, tool_pose: mpm.Pose,
+                options: FieldOptions = FieldOptions()) -> mpm.Solver:  # noqa: B008  (immutable)
     """Build the solver of a scene, with the tool at its initial world pose and the grains where they are placed.
 
     They begin under their own weight, unless the scene comes to rest first. Raises ConfigError for a tool with holes
     that is a solid, or whose material grain_diameter is missing.
     """
     field, tool = scene.field, build_tool_lattice(scene)
-    head = head_shell(tool_shape(scene.tool)) if scene.tool_wall == "shell" else tool
+    head = tool_shape(scene.tool).head_shell if scene.tool_wall == "shell" else tool
     # as the plugin will want it: a collider that it has to change makes the solver anew
     colliders = [mpm.Collider(head, friction=field.tool_friction, pose=tool_pose,
                               mobile=options.is_carried and scene.coupling == "mobility",
@@ -80,31 +69,23 @@ def build_field(scene: SceneConfig, law: Law, tool_pose: mpm.Pose, options: Fiel
     with warnings.catch_warnings():
         if options.grains is not None:  # grains that have flowed stand in no lattice any more
             warnings.simplefilter("ignore", mpm.VolumeMismatch)
-        solver = mpm.Solver(grid=field.grid, bodies=[mpm.Body(law, grains.positions, volume=grains.volume,
-                                                              stress=stress)],
-                            colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=dt,
-                            transfer_interval=field.transfer_interval, sleep=sleeps, contact=field.contact)
-    return GrainField(solver, 0, grains.volume)
+        return mpm.Solver(grid=field.grid, bodies=[mpm.Body(law, grains.positions, volume=grains.volume,
+                                                            stress=stress)],
+                          colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=dt,
+                          transfer_interval=field.transfer_interval, sleep=sleeps, contact=field.contact)
 
 
 def build_tool_lattice(scene: SceneConfig) -> Lattice:
     """Build the signed distance of a scene's tool in its own frame, as its grains are placed on it."""
-    shape = tool_shape(scene.tool)
     if scene.HAS_HANDLE:
         return build_tool_sdf(scene.tool, scene.solid_wall)
-    return head_distance(shape, scene.solid_wall, scene.field.cell / HEAD_POINTS)
+    return head_distance(tool_shape(scene.tool), scene.solid_wall, scene.field.cell / HEAD_POINTS)
 
 
-@functools.lru_cache(maxsize=8)
+@lru_cache(maxsize=8)
 def head_distance(shape: ToolShape, wall: float, spacing: float) -> Lattice:
     """Return the signed distance of a tool's head with walls of `wall` [m], at points `spacing` [m] apart."""
     return shape.head_distance(wall, spacing)
-
-
-@functools.lru_cache(maxsize=8)
-def head_shell(shape: ToolShape) -> mpm.Shell:
-    """Return a tool's head as a thin shell; raises ConfigError for a tool that has none."""
-    return shape.head_shell()
 
 
 def head_orifices(scene: SceneConfig, grain_diameter: float | None) -> list[mpm.Orifice]:
@@ -148,10 +129,7 @@ def choose_region(config: RehearsalConfig) -> RehearsalConfig:
 
 
 def build_tool_sdf(tool: str | ToolConfig, thickness: float) -> Lattice:
-    """Build the signed distance of a tool in its own frame.
-
-    thickness: of its wall [m]. Raises ConfigError for a tool with holes.
-    """
+    """Build the signed distance of a tool with a wall of a thickness [m]; raises ConfigError for one with holes."""
     check_holes(tool_shape(tool), f"wall of {thickness} m")
     return tool_shape(tool).distance(thickness, TOOL_SPACING)
 
@@ -173,9 +151,8 @@ def build_container_colliders(scene: SceneConfig, *, static: bool = True) -> lis
     """Build colliders of containers; static: they never move, which makes contact cheaper. Shells are never static."""
     colliders = []
     for name, container in scene.containers.items():
-        is_shell = name in scene.shells
-        walls = container_shape(name, container).shell() if is_shell else build_container_sdf(name, container,
-                                                                                              scene.field)
+        is_shell, shape = name in scene.shells, container_shape(name, container)
+        walls = shape.shell() if is_shell else shape.distance(CONTAINER_WALL * scene.field.cell, CONTAINER_SPACING)
         colliders.append(mpm.Collider(walls, static=static and not is_shell, friction=scene.field.container_friction,
                                       pose=container.pose))
     return colliders
@@ -204,9 +181,11 @@ def check_substeps(name: str, step: float, substep: float) -> None:
 
 def _check_count(config: RehearsalConfig) -> None:
     """Refuse more grains than a scene can have, before any is placed."""
-    if config.sources:
-        where, volume = f"container {' and '.join(map(repr, config.sources))}", sum(
-            _filled_volume(name, config.containers[name]) for name in config.sources)
+    if config.sources:  # as the boxes around the insides of containers, up to their fill heights
+        where, volume = f"container {' and '.join(map(repr, config.sources))}", 0.0
+        for name in config.sources:
+            low, high = container_shape(name, config.containers[name]).bounds
+            volume += float(np.prod((high - low)[:2])) * config.containers[name].fill_height
     elif config.pile is not None:
         where, volume = "pile", 8.0 * float(np.prod(config.pile.half))
     else:  # as `sample_in_tool` does, with as much height again
@@ -215,12 +194,6 @@ def _check_count(config: RehearsalConfig) -> None:
     if count > MAX_GRAINS:
         raise ConfigError(f"field.grains_per_cell = {config.field.grains_per_cell} with field.cell = "
                           f"{config.field.cell} m: {count:.3g} grains in the {where}; accepted: up to {MAX_GRAINS}")
-
-
-def _filled_volume(name: str, container: ContainerConfig) -> float:
-    """Volume [m^3] of the box around a container's inside, up to its fill height."""
-    low, high = container_shape(name, container).bounds
-    return float(np.prod((high - low)[:2])) * container.fill_height
 
 
 def _check_fill_heights(config: RehearsalConfig) -> None:
@@ -236,16 +209,15 @@ def _check_fill_heights(config: RehearsalConfig) -> None:
 
 
 def _check_region(config: RehearsalConfig) -> None:
-    grid = config.field.grid
+    held = {}
     for name, container in config.containers.items():
         low, high = container_shape(name, container).bounds
         corners = np.array([[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])])
-        try:
-            grid.check_inside(container.pose.apply(corners))
-        except mpm.InvalidValue as error:
-            raise ConfigError(f"field.region_lower, region_upper do not hold container {name!r}: {error}") from None
+        held[f"container {name!r}"] = container.pose.apply(corners)
     if config.pile is not None:
+        held["the pile"] = np.array(config.pile.centre) + np.array(config.pile.half) * [[-1, -1, -1], [1, 1, 1]]
+    for what, points in held.items():
         try:
-            grid.check_inside(np.array(config.pile.centre) + np.array(config.pile.half) * [[-1, -1, -1], [1, 1, 1]])
+            config.field.grid.check_inside(points)
         except mpm.InvalidValue as error:
-            raise ConfigError(f"field.region_lower, region_upper do not hold the pile: {error}") from None
+            raise ConfigError(f"field.region_lower, region_upper do not hold {what}: {error}") from None

@@ -15,10 +15,9 @@ SALT = (0.93, 0.93, 0.95)
 
 
 class GrainRenderer:
-    """Draws a specification with the grains of a solver.
+    """Draws a copy of a specification with the grains of a solver, which have a colour.
 
-    The specification is copied; what is simulated needs no visual extras. colour: of the grains. width, height: of
-    pictures, in pixels. Raises RenderingUnavailable where there is no OpenGL.
+    width, height: of pictures, in pixels. Raises RenderingUnavailable where there is no OpenGL.
     """
 
     def __init__(self, spec: mujoco.MjSpec, solver: mpm.Solver, *, colour: tuple[float, float, float] = SALT,

@@ -22,8 +22,7 @@ def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly, stand: mpm.Pose
     """Give the tool in the hand six degrees of freedom, for a grasp by friction.
 
     The joints lie between palm and tool. As a free body of the world the tool would creep by 1 mm in a second while the
-    arm moves: MuJoCo's contacts neglect the rate of their Jacobian, which is the hand's centripetal acceleration in
-    such coordinates, and friction responds with a slip velocity in proportion to the contact's time constant. A stiff
+    arm moves, as MuJoCo's contacts neglect the rate of their Jacobian, the hand's centripetal acceleration. A stiff
     weld holds the tool until `Grasp.release`: to the palm, or where it stands in the world. Contact uses the elliptic
     cone with stiff friction: under the pyramidal cone a held tool creeps. Raises ConfigError for a tool that is bolted
     to the flange.
@@ -86,10 +85,9 @@ class Grasp:
         return self._pose_at_release is not None
 
     def close(self, progress: float) -> None:
-        """Command the fingers between open (0) and closed (1).
+        """Command the fingers between open (0) and closed (1), at most the hand's squeeze beyond their present place.
 
-        The command is at most the hand's squeeze beyond their present place, which is the middle between the finger
-        that has closed most and the one that has closed least: those on opposite sides of a handle.
+        That is the middle between the finger that has closed most and the one that has closed least.
         """
         if not self._fingers:
             return

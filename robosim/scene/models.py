@@ -20,14 +20,11 @@ from robosim.robot.mjspec import read_model
 from robosim.robot.robot import load_arm, load_robot_model
 from robosim.shapes import tool_shape
 from robosim.shapes.containers import BoxShape, ContainerShape, RoundShape, read_container
-from robosim.shapes.rigid_models import build_container_spec, build_tool_spec
+from robosim.shapes.rigid_models import add_container_body, build_tool_spec
 
 
 def load_spec(*parts: str) -> mujoco.MjSpec:
-    """Load the specification of a file below models/, given by the parts of its path.
-
-    Raises ConfigError where there is no such file.
-    """
+    """Load the specification of a file below models/, by the parts of its path; raises ConfigError for none."""
     path = folder("models").joinpath(*parts)
     if not path.is_file():
         raise ConfigError(f"model file {path} is missing; the installation is incomplete")
@@ -36,10 +33,7 @@ def load_spec(*parts: str) -> mujoco.MjSpec:
 
 @lru_cache
 def read_inner_size(container: str) -> tuple[float, float, float]:
-    """Read the inner size (3,) [m] of a container of models/containers.
-
-    A box-shaped site in its file marks it.
-    """
+    """Read the inner size (3,) [m] of a container of models/containers. A box-shaped site in its file marks it."""
     x, y, z = 2.0 * np.array(load_spec("containers", f"{container}.xml").site(f"{container}_inside").size)
     return float(x), float(y), float(z)
 
@@ -64,7 +58,9 @@ def make_shape(kind: Callable[..., ContainerShape], *sizes: Any) -> ContainerSha
 def load_container(name: str, container: ContainerConfig) -> mujoco.MjSpec:
     """Return the specification of a container, whose body is called `name`."""
     if not container.is_named:
-        return build_container_spec(name, container_shape(name, container))
+        spec = mujoco.MjSpec()
+        add_container_body(spec, name, container_shape(name, container))
+        return spec
     model = container.model or name
     spec = load_spec("containers", f"{model}.xml")
     if model != name:

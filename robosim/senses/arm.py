@@ -20,7 +20,6 @@ class ArmTerm(Term):
 
     @classmethod
     def missing(cls, scene: SenseScene) -> str:
-        """Name the option that brings the arm."""
         return "" if scene.arm is not None else "arm = True"
 
 
@@ -37,7 +36,6 @@ class JointsTerm(ArmTerm):
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return q and qd (2 n,)."""
-        assert sight.sensors is not None
         return np.concatenate([sight.sensors.q, sight.sensors.qd])
 
 
@@ -52,7 +50,6 @@ class TorquesTerm(ArmTerm):
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return the sensed and the external torques (2 n,), means over the action."""
-        assert sight.sensors is not None
         return np.concatenate([sight.sensors.torque, sight.sensors.external])
 
 
@@ -77,7 +74,6 @@ class WristTerm(Term):
         return self._wrench(sight) if self._tare else np.zeros(6)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
-        """Return force and torque (6,)."""
         return self._wrench(sight) - memory
 
     @staticmethod

@@ -13,9 +13,11 @@ SUMS = ("torque", "external", "wrist")
 
 
 class ArmSampler:
-    """Takes a sample after each step; `ArmSensors` says what it has.
+    """Takes a sample after each step: the means over an action, and joint angles and speeds at its end.
 
-    The scene needs the sensors that `robosim.robot.assembly` adds.
+    torque: of the joints' sensors [N m] (n,). external: torques [N m] (n,) that the controller estimates from them.
+    wrist: force [N] and torque [N m] (6,) of the wrist sensor in its own axes. The scene needs the sensors that
+    `robosim.robot.assembly` adds.
     """
 
     def __init__(self, scene: Scene, data: mujoco.MjData, arm: Arm) -> None:
@@ -50,12 +52,12 @@ class ArmSampler:
 
     @property
     def q(self) -> np.ndarray:
-        """Joint angles [rad] (n,)."""
+        """Joint angles [rad], or places [m] of slides (n,)."""
         return self._data.qpos[self._scene.arm_qpos]
 
     @property
     def qd(self) -> np.ndarray:
-        """Joint speeds [rad/s] (n,)."""
+        """Their speeds (n,)."""
         return self._data.qvel[self._scene.arm_dofs]
 
     def state(self) -> dict[str, Any]:
@@ -67,6 +69,5 @@ class ArmSampler:
         """Take over what `state` returned."""
         for name in SUMS:
             setattr(self, name, np.array(state[name]))
-        self._count = state["count"]
         q, qd = np.array(state["before"])
-        self._before = q, qd
+        self._count, self._before = state["count"], (q, qd)

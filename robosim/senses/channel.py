@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import gymnasium
 import numpy as np
 
 from robosim.base.errors import ConfigError
@@ -12,9 +11,7 @@ from robosim.senses.term import NOTHING, Sight, Term, check_option
 TIMING = ("rate", "latency", "noise", "dropout")
 """Options that every term has besides its own."""
 DRAWN_TIMING = {"latency": (0.0, 10.0), "noise": (0.0, 1e6), "dropout": (0.0, 0.999)}
-"""Those that episodes may draw, with their lowest and highest values."""
-LONGEST = 10.0
-"""Largest latency [s]: longer than half an episode."""
+"""Those that episodes may draw, with their lowest and highest values; a latency of 10 s is half an episode."""
 ROUNDING = 1e-9
 """Tolerance [s] of times that are sums of steps."""
 
@@ -36,26 +33,16 @@ def read_timing(term: str, options: dict[str, Any]) -> Timing:
     """Take the options TIMING out of a term's options; raises ConfigError for numbers that cannot be used."""
     rate = options.pop("rate", None)
     return Timing(None if rate is None else check_option(term, "rate", rate, 1e-3, 1e6),
-                  check_option(term, "latency", options.pop("latency", 0.0), 0.0, LONGEST),
-                  check_option(term, "noise", options.pop("noise", 0.0), 0.0, 1e6),
-                  check_option(term, "dropout", options.pop("dropout", 0.0), 0.0, 0.999))
+                  *(check_option(term, name, options.pop(name, 0.0), *pair) for name, pair in DRAWN_TIMING.items()))
 
 
 class Channel:
-    """A term with its timing. An episode's memory is a dictionary of arrays and plain values.
-
-    is_exact: whether values beyond the space's bounds are passed on; otherwise they are cut there, as sensors do.
-    """
+    """A term with its timing; is_exact: whether values beyond the space's bounds are passed on and not cut there."""
 
     def __init__(self, term: Term, timing: Timing, is_exact: bool = False) -> None:
         if timing.noise > 0.0 and term.space.dtype == np.uint8:
             raise ConfigError(f"obs: {term.name}: noise = {timing.noise}; accepted: 0, or a term of real numbers")
-        self.term, self.timing, self._is_exact = term, timing, is_exact
-
-    @property
-    def space(self) -> gymnasium.spaces.Box:
-        """The term's space."""
-        return self.term.space
+        self.term, self.space, self.timing, self._is_exact = term, term.space, timing, is_exact
 
     def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> dict[str, Any]:
         """Return the memory of an episode that starts now; drawn: options of timing and term that hold for it."""
@@ -78,7 +65,6 @@ class Channel:
         return np.array(memory["delivered"])
 
     def _measure(self, sight: Sight, memory: dict[str, Any], noise: float, rng: np.random.Generator) -> np.ndarray:
-        """Return a new value, inside the space."""
         value = np.asarray(self.term.measure(sight, memory["term"], rng))
         if noise > 0.0:
             value = value + noise * rng.standard_normal(value.shape)

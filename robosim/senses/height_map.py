@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import trimesh
 
 import mpm
 from mpm.observers.height_map import HeightMap, Raster
@@ -26,10 +25,10 @@ MARGIN = 0.02
 
 
 class HeightMapTerm(Term):
-    """Heights [m] of grains, container and table above the table, on a raster that is seen from straight above.
+    """Heights [m] of grains, container and table, without tool and arm, on a raster that is seen from straight above.
 
     lower, upper [m] (2,): corners of the region; without them, 20 mm around the container, or around the places where
-    the grains begin and shall end. pixels: along x and y. Neither tool nor arm is in the picture.
+    the grains begin and shall end. pixels: along x and y.
     """
 
     name, unit = "height_map", "m"
@@ -81,10 +80,13 @@ def floor_heights(task: TaskConfig, raster: Raster) -> np.ndarray:
     """Return the heights [m] (nx, ny), float32, of table and container without grains."""
     heights = np.zeros(raster.shape, np.float32)
     for name, container in task.containers.items():
-        walls: trimesh.Trimesh = container_shape(name, container).walls()
-        triangles = container.pose.apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
-        draw_from_above(triangles, raster, heights)
+        draw_from_above(wall_triangles(name, container, container.pose), raster, heights)
     return heights
+
+
+def wall_triangles(name: str, container: ContainerConfig, pose: mpm.Pose) -> np.ndarray:
+    """Return the triangles [m] (n, 3, 3) of a container's walls at a pose."""
+    return pose.apply(np.asarray(container_shape(name, container).walls().triangles).reshape(-1, 3)).reshape(-1, 3, 3)
 
 
 class PlacedFloor:
@@ -115,15 +117,13 @@ class PlacedFloor:
         """Return a frame at a container with a vertical z axis, the corner of a raster in it, and its heights."""
         home = container.pose
         upright = mpm.Pose(home.position, mpm.Pose.identity().quaternion)
-        walls = container_shape(name, container).walls()
-        local = (upright.inverse() @ home).apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
+        local = wall_triangles(name, container, upright.inverse() @ home)
         low, high = local[..., :2].min((0, 1)), local[..., :2].max((0, 1))
         shape = np.ceil((high - low) / self._fine).astype(int)
         own = np.full(tuple(shape), -np.inf, np.float32)
-        corner, upper = low, low + self._fine * shape
-        draw_from_above(local, Raster((float(low[0]), float(low[1])), (float(upper[0]), float(upper[1])),
-                                      (int(shape[0]), int(shape[1]))), own)
-        return upright, corner, own
+        (x0, y0), (x1, y1), (nx, ny) = low.tolist(), (low + self._fine * shape).tolist(), shape.tolist()
+        draw_from_above(local, Raster((x0, y0), (x1, y1), (nx, ny)), own)
+        return upright, low, own
 
 
 def draw_from_above(triangles: np.ndarray, raster: Raster, heights: np.ndarray) -> None:

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from robosim.config.bounds import LARGEST_DOSE
 from robosim.senses.term import SenseScene, Sight, Term, box
 from robosim.tasks.observation import tool_bounds
-from robosim.tasks.sections import LARGEST_DOSE
 
 FAR_PLACE = np.array([1.5, 1.5, 0.0])
 """The most [m] by which a drawn place of the goal can be displaced: a shift and a turn."""
@@ -15,7 +15,7 @@ FAR_PLACE = np.array([1.5, 1.5, 0.0])
 class ToolTerm(Term):
     """Position of the tool's frame in the world, and its quaternion (w, x, y, z) where the task turns the tool.
 
-    Where the robot takes the tool to be: an error of its place in the hand is not in it.
+    Where the robot takes the tool to be: without an error of its place in the hand.
     """
 
     name, unit = "tool", "m, 1"
@@ -30,7 +30,7 @@ class ToolTerm(Term):
 
 
 class GoalTerm(Term):
-    """Vector from the tool's frame to the task's goal, in world axes."""
+    """Vector (3,) from the tool's frame to the task's goal, in world axes."""
 
     name, unit = "goal", "m"
 
@@ -40,7 +40,6 @@ class GoalTerm(Term):
         self.space = box(self._goal - high - FAR_PLACE, self._goal - low + FAR_PLACE)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
-        """Return the vector (3,)."""
         return sight.setting.place.apply(self._goal[None])[0] - sight.believed.position
 
 
@@ -54,11 +53,9 @@ class TargetTerm(Term):
 
     @classmethod
     def missing(cls, scene: SenseScene) -> str:
-        """Say what draws such a mass."""
         return "" if scene.task.dose is not None else "a dosing task"
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
-        """Return the mass (1,)."""
         return np.array([sight.setting.target_mass])
 
 
@@ -71,5 +68,4 @@ class TimeTerm(Term):
         self.space = box([0.0], [1.0])
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
-        """Return the share (1,)."""
         return np.array([sight.progress])

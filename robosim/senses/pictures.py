@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 
 import mpm
+from robosim.config.materials import MaterialConfig
 from robosim.rendering.depth_camera import DepthCamera
 from robosim.rendering.depth_noise import find_noise
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
@@ -15,6 +17,7 @@ from robosim.robot.mjspec import compile_spec
 from robosim.scene.grains import grain_volume
 from robosim.senses.task_scene import SeenBodies, build_seen_spec
 from robosim.senses.term import SenseScene, Sight, Term, box, check_count, check_option
+from robosim.tasks.task import TaskConfig
 
 Camera = str | Mapping[str, Any]
 """Name of a camera, or {"position": [m] (3,), "look_at": [m] (3,), "fovy_deg": 45} for one of one's own."""
@@ -46,7 +49,6 @@ class DepthTerm(Term):
         self.space = box(np.zeros((height, width)), np.full((height, width), self._farthest))
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
-        """Return the depth (height, width)."""
         return self._measure_depth(sight, rng)[0]
 
     def _measure_depth(self, sight: Sight, rng: np.random.Generator) -> tuple[np.ndarray, mpm.Pose]:
@@ -86,6 +88,29 @@ class PointCloudTerm(DepthTerm):
         return seen[np.linspace(0, len(seen), self._count, endpoint=False).astype(int)]
 
 
+class TaskPicture:
+    """Draws a sub-task with its grains by the renderer of films, width x height pixels; needs OpenGL."""
+
+    def __init__(self, spec: mujoco.MjSpec, task: TaskConfig, material: MaterialConfig, width: int = 640,
+                 height: int = 480) -> None:
+        count = task.grains.count
+        apply_quality(spec)
+        add_grain_skin(spec, count, GRAIN_RADIUS * grain_volume(task) ** (1 / 3), material.colour)
+        self._model = compile_spec(spec)
+        self._bodies = SeenBodies(self._model, task)
+        self._renderer = SceneRenderer(self._model, count, width, height)
+
+    def draw(self, camera: str, grains: np.ndarray, place: mpm.Pose, tool: mpm.Pose,
+             qpos: np.ndarray | None) -> np.ndarray:
+        """Return a picture (height, width, 3), uint8; grains: positions [m] (n, 3). Others as of `SeenBodies.place`."""
+        self._bodies.place(place, tool, qpos)
+        return self._renderer.draw(self._bodies.data, grains, camera)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._renderer.close()
+
+
 class RgbTerm(Term):
     """Colour picture of a camera (height, width, 3), by the renderer of films; needs OpenGL.
 
@@ -98,19 +123,12 @@ class RgbTerm(Term):
     def __init__(self, scene: SenseScene, camera: Camera = "task", width: int = 84, height: int = 84) -> None:
         width, height = (check_count("rgb", key, n, MOST_PIXELS) for key, n in (("width", width), ("height", height)))
         spec, self._camera = build_seen_spec(scene.task, scene.arm, camera)
-        apply_quality(spec)
-        count = scene.task.grains.count
-        add_grain_skin(spec, count, GRAIN_RADIUS * grain_volume(scene.task) ** (1 / 3), scene.material.colour)
-        self._model = compile_spec(spec)
-        self._bodies = SeenBodies(self._model, scene.task)
-        self._renderer = SceneRenderer(self._model, count, width, height)
+        self._picture = TaskPicture(spec, scene.task, scene.material, width, height)
         self.space = gymnasium.spaces.Box(0, 255, (height, width, 3), np.uint8)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
-        """Return the picture (height, width, 3), uint8."""
-        self._bodies.place(sight.setting.place, sight.pose, sight.qpos)
-        return self._renderer.draw(self._bodies.data, sight.grains[:, :3].astype(float), self._camera)
+        return self._picture.draw(self._camera, sight.grains[:, :3].astype(float), sight.setting.place, sight.pose,
+                                  sight.qpos)
 
     def close(self) -> None:
-        """Free the OpenGL context."""
-        self._renderer.close()
+        self._picture.close()

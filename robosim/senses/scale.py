@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 import mpm
-from robosim.instruments.balance import Balance
+from robosim.dosing.balance import Balance
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_option
 from robosim.shapes import tool_shape
@@ -20,9 +20,8 @@ class ScaleTerm(Term):
     """Mass on a balance under the task's receiver or container, or else under its target on the table.
 
     lag: time constant [s] of its filter; a balance that settles within 1 s shows 99 % of a change after 4.6 lags.
-    readability [kg]: step of the display. repeatability [kg]: standard deviation before rounding. drift [kg/s]:
-    standard deviation of the slope with which the zero moves in an episode. The defaults are assumed: a laboratory's
-    precision balance of 0.01 g that settles within a second.
+    readability [kg]: step of the display. repeatability [kg]: standard deviation before rounding. drift [kg/s]: that
+    of the slope with which the zero moves. The defaults are assumed, of a laboratory's precision balance of 0.01 g.
     """
 
     name, unit = "scale", "kg"
@@ -30,10 +29,9 @@ class ScaleTerm(Term):
 
     def __init__(self, scene: SenseScene, lag: float = 0.2, readability: float = 1e-5, repeatability: float = 1e-5,
                  drift: float = 0.0) -> None:
-        self._lag = check_option("scale", "lag", lag, 0.0, 10.0)
+        given = {"lag": lag, "repeatability": repeatability, "drift": drift}
+        self._own = {name: check_option("scale", name, given[name], *pair) for name, pair in self.DRAWN.items()}
         self._readability = check_option("scale", "readability", readability, 0.0, 1.0)
-        self._repeatability = check_option("scale", "repeatability", repeatability, 0.0, 1.0)
-        self._drift = check_option("scale", "drift", drift, 0.0, 1.0)
         where = weighed_region(scene.task)
         assert where
         self._region, self._pose = where
@@ -42,27 +40,22 @@ class ScaleTerm(Term):
 
     @classmethod
     def missing(cls, scene: SenseScene) -> str:
-        """Say what the task's grains would have to come to rest on."""
         return "" if weighed_region(scene.task) else "a task with a container, or with a target on the table"
 
     DRAWN: ClassVar[dict[str, tuple[float, float]]] = {"lag": (0.0, 10.0), "repeatability": (0.0, 1.0),
                                                        "drift": (0.0, 1.0)}
 
     def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
-        """Return the balance's memory, and the numbers that are its own in this episode."""
-        own = {"lag": self._lag, "repeatability": self._repeatability, "drift": self._drift}
-        return Balance.start(sight.time, self._mass(sight)) | own | dict(drawn)
+        return Balance.start(sight.time, self._mass(sight)) | self._own | dict(drawn)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
-        """Return what the balance shows (1,) and advance its filter."""
         balance = Balance(memory["lag"], self._readability, memory["repeatability"], memory["drift"])
         return np.clip([balance.read(memory, sight.time, self._mass(sight), rng)], -CAPACITY, CAPACITY)
 
     def _mass(self, sight: Sight) -> float:
         """Return the mass [kg] of the grains above the balance that the tool does not hold.
 
-        Those that still fall count, too: a steady stream presses on a balance with the weight that it has in the air,
-        as its momentum is rate x speed, and speed / g the time of its fall.
+        Those that still fall count, too: a steady stream's momentum, rate x speed, presses as its weight in the air.
         """
         x = sight.grains[:, :3].astype(float)
         is_on = self._region.holds((sight.setting.place @ self._pose).inverse().apply(x))

@@ -80,17 +80,11 @@ def accepted_options(kind: type[Term]) -> list[str]:
     return [*names, *TIMING, "key"]
 
 
-def valid_terms(scene: SenseScene) -> list[str]:
-    """Return the names of the terms that can be built for a scene."""
-    return [name for name in TERMS if not find_term(name).missing(scene)]
-
-
 class Senses:
     """Observations of chosen terms: a dictionary of their values, or one array of single-precision numbers.
 
-    flat: whether it is one array; `slices` has the place of each term. is_layout: values are not cut at the bounds of
-    the space, and parts of a term have slices of their own. Raises ConfigError for a term that needs what the scene
-    does not have, and for options that it does not take.
+    flat: whether it is one array. is_layout: values are not cut at the bounds of the space, and parts of a term have
+    slices of their own. Raises ConfigError for a term that needs what the scene does not have, and for its options.
     """
 
     def __init__(self, scene: SenseScene, choices: Sequence[Choice], *, flat: bool = False,
@@ -114,10 +108,7 @@ class Senses:
             self.space = gymnasium.spaces.Box(low, high, dtype=np.float32)
 
     def begin(self, sight: Sight, seed: int, drawn: Mapping[str, float] = NOTHING) -> dict[str, Any]:
-        """Return the memory of an episode that starts now; seed: of all that is random in it.
-
-        drawn: "key.option" -> value of an option that holds for it.
-        """
+        """Return the memory of an episode that starts now; seed: of its noise. drawn: "key.option" -> its value."""
         own = {key: {name.removeprefix(f"{key}."): value for name, value in drawn.items() if name.startswith(f"{key}.")}
                for key in self.channels}
         memory: dict[str, Any] = {key: channel.begin(sight, own[key]) for key, channel in self.channels.items()}
@@ -142,7 +133,8 @@ def build_term(scene: SenseScene, choice: Choice) -> Term:
     """Build a term for a scene; raises ConfigError for one that needs what there is not, and for unknown options."""
     name, missing = choice.kind.name, choice.kind.missing(scene)
     if missing:
-        raise ConfigError(f"obs: {name!r} needs {missing}; accepted here: {', '.join(valid_terms(scene))}")
+        valid = [name for name in TERMS if not find_term(name).missing(scene)]
+        raise ConfigError(f"obs: {name!r} needs {missing}; accepted here: {', '.join(valid)}")
     accepted = accepted_options(choice.kind)
     for option in choice.options:
         if option not in accepted:

@@ -8,19 +8,17 @@ import numpy as np
 
 import mpm
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.randomization.still_bodies import StillBodies
+from robosim.randomization.scene_setting import StillBodies
 from robosim.rendering.renderer import TARGET_MARK, add_mark
 from robosim.robot.mjspec import quiet_attachment
 from robosim.scene.build import add_container
 from robosim.scene.models import load_spec, load_tool_model
-from robosim.tasks.task import RegionConfig, TaskConfig
+from robosim.tasks.task import TaskConfig
 
 OWN = "own_camera"
 """Name in the model of a camera that is given by numbers."""
 PLACE = {"position", "look_at", "fovy_deg"}
 """Keys of such a camera."""
-CAMERAS = ("task", "side", "overview", "close")
-"""Cameras of every sub-task; with an arm there are those of its hand, too."""
 
 
 def build_task_spec(task: TaskConfig, arm: mujoco.MjSpec | None, *, marks: bool = True) -> mujoco.MjSpec:
@@ -28,12 +26,24 @@ def build_task_spec(task: TaskConfig, arm: mujoco.MjSpec | None, *, marks: bool 
 
     arm: the scene with the arm; None: the tool alone. marks: whether the target is marked.
     """
-    spec = arm if arm is not None else _build_scene_without_arm(task)
+    spec = load_spec("workcell", "workcell.xml") if arm is None else arm
+    if arm is None:
+        carrier = spec.worldbody.add_body(name="carrier", mocap=True)
+        with quiet_attachment():
+            carrier.add_frame().attach_body(load_tool_model(task.tool).spec.body(task.tool_name), "", "")
+            for name, container in task.containers.items():
+                add_container(spec, name, container)
     if marks and not task.containers:
         add_mark(spec, task.target)
     if task.stand is not None:
-        _add_block(spec, task.stand)
-    _add_cameras(spec, task)
+        spec.worldbody.add_geom(name="stand", type=mujoco.mjtGeom.mjGEOM_BOX, pos=list(task.stand.centre), contype=0,
+                                conaffinity=0, mass=0, size=list(task.stand.half), rgba=[0.55, 0.42, 0.30, 1.0])
+    start, goal = np.array(task.start.position), np.array(task.goal)
+    middle, width = 0.5 * (start + goal), np.linalg.norm(start - goal) + 0.30
+    spec.worldbody.add_body(name="task_target", pos=(middle - [0.0, 0.0, 0.03]).tolist())
+    for name, direction in (("task", [0.85, -0.25, 0.55]), ("side", [1.0, 0.0, 0.12])):  # they see start and goal
+        position = middle + 1.5 * width * np.array(direction) / np.linalg.norm(direction)
+        _add_camera(spec, name, position, 34.0, "task_target")
     return spec
 
 
@@ -46,7 +56,9 @@ def build_seen_spec(task: TaskConfig, arm: Any, camera: str | Mapping[str, Any],
     """
     spec = build_task_spec(task, None if arm is None else arm.build_spec(), marks=marks)
     if not isinstance(camera, str):
-        _add_own_camera(spec, *read_place(camera))
+        position, look_at, fovy_deg = read_place(camera)
+        spec.worldbody.add_body(name=f"{OWN}_target", pos=look_at.tolist())
+        _add_camera(spec, OWN, position, fovy_deg, f"{OWN}_target")
         return spec, OWN
     names = [one.name for one in spec.cameras]
     if camera not in names:
@@ -55,10 +67,7 @@ def build_seen_spec(task: TaskConfig, arm: Any, camera: str | Mapping[str, Any],
 
 
 def read_place(camera: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return position [m] (3,), point looked at [m] (3,) and field of view [deg] of a camera given by numbers.
-
-    Raises ConfigError.
-    """
+    """Return position [m] (3,), point looked at [m] (3,) and field of view [deg] of a camera; raises ConfigError."""
     try:
         position, target = (np.array(camera[key], float) for key in ("position", "look_at"))
         fovy = float(camera.get("fovy_deg", 45.0))
@@ -84,8 +93,7 @@ class SeenBodies:
     def place(self, place: mpm.Pose, tool: mpm.Pose, qpos: np.ndarray | None) -> bool:
         """Put all to where they are: the arm into a posture, or without one the tool alone at its pose.
 
-        place: displacement of container and target. qpos: of the scene with the arm. Returns whether something has
-        moved that stands still within an episode.
+        place: of container and target. qpos: of the scene with the arm. Returns whether what stands still has moved.
         """
         if qpos is not None:
             self.data.qpos[:] = qpos
@@ -94,36 +102,7 @@ class SeenBodies:
         return self._still.place(place)
 
 
-def _add_own_camera(spec: mujoco.MjSpec, position: np.ndarray, look_at: np.ndarray, fovy_deg: float) -> None:
-    """Add a camera at a position [m] (3,) that looks at a point [m] (3,), with z up in its picture."""
-    spec.worldbody.add_body(name=f"{OWN}_target", pos=look_at.tolist())
-    spec.worldbody.add_camera(name=OWN, pos=position.tolist(), fovy=fovy_deg, targetbody=f"{OWN}_target",
+def _add_camera(spec: mujoco.MjSpec, name: str, position: np.ndarray, fovy_deg: float, target: str) -> None:
+    """Add a camera at a position [m] (3,) that looks at a body, with z up in its picture."""
+    spec.worldbody.add_camera(name=name, pos=position.tolist(), fovy=fovy_deg, targetbody=target,
                               mode=mujoco.mjtCamLight.mjCAMLIGHT_TARGETBODY)
-
-
-def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:
-    """Build table, container, and the tool on a mocap body."""
-    spec = load_spec("workcell", "workcell.xml")
-    carrier = spec.worldbody.add_body(name="carrier", mocap=True)
-    with quiet_attachment():
-        carrier.add_frame().attach_body(load_tool_model(task.tool).spec.body(task.tool_name), "", "")
-        for name, container in task.containers.items():
-            add_container(spec, name, container)
-    return spec
-
-
-def _add_block(spec: mujoco.MjSpec, region: RegionConfig) -> None:
-    """Add a block without contacts or mass."""
-    spec.worldbody.add_geom(name="stand", type=mujoco.mjtGeom.mjGEOM_BOX, pos=list(region.centre), contype=0,
-                            conaffinity=0, mass=0, size=list(region.half), rgba=[0.55, 0.42, 0.30, 1.0])
-
-
-def _add_cameras(spec: mujoco.MjSpec, task: TaskConfig) -> None:
-    """Add two cameras that see start and goal."""
-    middle = 0.5 * (np.array(task.start.position) + np.array(task.goal))
-    width = np.linalg.norm(np.array(task.start.position) - task.goal) + 0.30
-    spec.worldbody.add_body(name="task_target", pos=(middle - [0.0, 0.0, 0.03]).tolist())
-    for name, direction in (("task", [0.85, -0.25, 0.55]), ("side", [1.0, 0.0, 0.12])):
-        position = middle + 1.5 * width * np.array(direction) / np.linalg.norm(direction)
-        spec.worldbody.add_camera(name=name, pos=position.tolist(), fovy=34.0, targetbody="task_target",
-                                  mode=mujoco.mjtCamLight.mjCAMLIGHT_TARGETBODY)

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -14,21 +14,6 @@ from robosim.randomization.draw import STANDARD, Setting
 from robosim.tasks.task import TaskConfig
 
 NOTHING: Mapping[str, float] = {}
-
-
-class ArmSensors(Protocol):
-    """Sensors of the arm, read at the end of an action."""
-
-    q: np.ndarray
-    """Joint angles [rad], or places [m] of slides (n,)."""
-    qd: np.ndarray
-    """Their speeds (n,)."""
-    torque: np.ndarray
-    """Readings of the joint torque sensors [N m] (n,), the mean over the action."""
-    external: np.ndarray
-    """External torques [N m] (n,) that the controller estimates from them, the mean over the action."""
-    wrist: np.ndarray
-    """Force [N] and torque [N m] (6,) of the wrist sensor in its own axes, the mean over the action."""
 
 
 class Sight(NamedTuple):
@@ -45,15 +30,14 @@ class Sight(NamedTuple):
     grains: np.ndarray
     """Positions [m] and velocities [m/s] (n, 6), float32, of the grains that `Term.grains` asks for."""
     received: np.ndarray
-    """Impulse [N s], [N m s] (6,) of the grains on the tool in the action, in world axes, about the world's origin.
-
-    Zero at the start of an episode, and with an arm, which has a sensor for it."""
+    """Impulse [N s], [N m s] (6,) of the grains on the tool in the action, in world axes, about the world's origin;
+    zero at the start of an episode, and with an arm, which has a sensor for it."""
     duration: float
     """Time [s] that it took."""
     setting: Setting = STANDARD
     """How the scene differs from the task's."""
-    sensors: ArmSensors | None = None
-    """None without an arm, and where no term reads them."""
+    sensors: Any = None
+    """An `ArmSampler`; None without an arm, and where no term reads it."""
     qpos: np.ndarray | None = None
     """State of all joints of the scene with the arm; None without an arm."""
 
@@ -74,10 +58,9 @@ class SenseScene(NamedTuple):
 
 
 class Term(ABC):
-    """One part of an observation: name, unit, space, and how it is measured.
+    """One part of an observation: name, unit, space, and how it is measured; float32, or uint8 for pictures.
 
-    A term keeps nothing from step to step; what it has to remember within an episode, `begin` returns and `measure` is
-    given. All values are float32, or uint8 for pictures.
+    A term keeps nothing from step to step; what it has to remember of an episode, `begin` returns for `measure`.
     """
 
     name: ClassVar[str]
@@ -88,7 +71,7 @@ class Term(ABC):
     all_grains: ClassVar[bool] = False
     """Whether it reads all grains."""
     reads_sensors: ClassVar[bool] = False
-    """Whether it reads sensors of an arm, `ArmSensors`, where there is one."""
+    """Whether it reads the `ArmSampler` of an arm, where there is one."""
     space: gymnasium.spaces.Box
     parts: Mapping[str, int] = {}  # noqa: RUF012  (never changed)
     """Names of parts of a value, with their lengths, in place of the term's own name in a flat observation."""
@@ -97,10 +80,7 @@ class Term(ABC):
     """Options that episodes may draw, with their lowest and highest values."""
 
     def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
-        """Return what an episode that starts now is remembered for: arrays and plain values, or None.
-
-        drawn: values of options in DRAWN that hold for this episode.
-        """
+        """Return what `measure` is to remember of an episode that starts now; drawn: its values of options in DRAWN."""
         return None
 
     @abstractmethod

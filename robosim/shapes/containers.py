@@ -38,11 +38,8 @@ class ContainerShape(ABC):
     """Thickness of its real wall."""
     is_round = False
     """Whether its counting region is a cylinder."""
-
-    @property
-    @abstractmethod
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper corner (3,) of the box around the inside."""
+    bounds: tuple[Array, Array]
+    """Lower and upper corner (3,) of the box around the inside."""
 
     @abstractmethod
     def walls(self) -> trimesh.Trimesh:
@@ -110,19 +107,15 @@ class UprightShape(ContainerShape):
         """Return which points (n, 3) are within the walls' outline, or WALL_MARGIN beyond it."""
 
     def walls(self) -> trimesh.Trimesh:
-        """Make the real walls, closed."""
         return self._solid(self.wall)
 
     def distance(self, wall: float, spacing: float) -> Lattice:
-        """Return the signed distance of walls that are `wall` thick, grown outward."""
         return mpm.Sdf.from_mesh(self._solid(wall), spacing=spacing)
 
     def shell(self) -> mpm.Shell:
-        """Return the walls as a thin shell of their real thickness."""
         return mpm.Shell.from_mesh(self._face(), self.wall, behind=True)
 
     def holds(self, points: Array) -> Found:
-        """Return which points (n, 3) count as in it."""
         z = points[:, 2]
         return self._is_across(points) & (z < self.bounds[1][2] + RIM_MARGIN) & (z > -FLOOR_MARGIN)
 
@@ -133,12 +126,8 @@ class BoxShape(UprightShape):
     def __init__(self, size: tuple[float, float, float], wall: float = 0.006) -> None:
         self.size, self.wall = np.array(size), wall
         self.corner = min(CONTAINER_CORNER, 0.45 * float(self.size[:2].min()))
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper corner (3,) of the box around the inside."""
         half = self.size / 2.0
-        return np.array([-half[0], -half[1], 0.0]), np.array([half[0], half[1], self.size[2]])
+        self.bounds = np.array([-half[0], -half[1], 0.0]), np.array([half[0], half[1], self.size[2]])
 
     def filled_volume(self, height: float) -> float:
         """Return the volume [m^3] up to a height above the floor, as without rounded edges."""
@@ -154,7 +143,6 @@ class BoxShape(UprightShape):
         return np.all(np.abs(points[:, :2]) < self.size[:2] / 2.0 + WALL_MARGIN, axis=1)
 
     def between_walls(self, points: Array) -> Found:
-        """Return which points (n, 3) of the box around the inside are in it."""
         beyond = np.maximum(np.abs(points[:, :2]) - (self.size[:2] / 2.0 - self.corner), 0.0)
         return np.hypot(*beyond.T) <= self.corner
 
@@ -166,11 +154,7 @@ class RoundShape(UprightShape):
 
     def __init__(self, radius: float, height: float, wall: float = 0.006) -> None:
         self.radius, self.wall, self._height = radius, wall, height
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper corner (3,) of the box around the inside."""
-        return np.array([-self.radius, -self.radius, 0.0]), np.array([self.radius, self.radius, self._height])
+        self.bounds = np.array([-radius, -radius, 0.0]), np.array([radius, radius, height])
 
     def _solid(self, wall: float) -> trimesh.Trimesh:
         outer, high = self.radius + wall, self._height
@@ -184,7 +168,6 @@ class RoundShape(UprightShape):
         return np.hypot(points[:, 0], points[:, 1]) < self.radius + WALL_MARGIN
 
     def between_walls(self, points: Array) -> Found:
-        """Return which points (n, 3) of the box around the inside are in it."""
         return np.hypot(points[:, 0], points[:, 1]) <= self.radius
 
 
@@ -194,15 +177,10 @@ class MeshShape(ContainerShape):
     is_round = True
 
     def __init__(self, parts: list[trimesh.Trimesh], inside: Inside) -> None:
-        self.parts, self.inside, self._bounds = parts, inside, inside.bounds
+        self.parts, self.inside, self.bounds = parts, inside, inside.bounds
         self.wall = wall_at_inside(parts, inside)
         self._near = inside._replace(held=binary_dilation(inside.held))
         """The inside and a lattice spacing around it: grains sink a little into walls."""
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper corner (3,) of the box around the inside."""
-        return self._bounds
 
     @property
     def region(self) -> mpm.Region:
@@ -213,11 +191,9 @@ class MeshShape(ContainerShape):
         return upright._replace(half=(radius, radius, upright.half[2]))
 
     def walls(self) -> trimesh.Trimesh:
-        """Make the real walls, closed."""
         return join(self.parts)
 
     def distance(self, wall: float, spacing: float) -> Lattice:
-        """Return the signed distance of walls that are `wall` thick, grown outward."""
         return grow_outward(self.parts, self.inside, wall - self.wall, spacing)
 
     def shell(self) -> mpm.Shell:
@@ -226,11 +202,9 @@ class MeshShape(ContainerShape):
                           "radius with height, or model for the container, or a tool_wall in metres")
 
     def holds(self, points: Array) -> Found:
-        """Return which points (n, 3) count as in it."""
         return self._near.holds(points, RIM_MARGIN)
 
     def between_walls(self, points: Array) -> Found:
-        """Return which points (n, 3) of the box around the inside are in it."""
         return self.inside.holds(points)
 
 

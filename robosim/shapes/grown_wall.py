@@ -1,8 +1,7 @@
 """The collider of a thin wall: thickened outward, so that what the vessel holds stays as it is.
 
-On cells of a few millimetres a wall of sheet metal is thinner than the grid resolves, and grains would pass it. The
-distance is that of the union of the real solid and of a layer behind its inner surface: places within the growth of the
-solid, below the water's level, that are not on the inner side.
+Through a wall thinner than a grid cell grains would pass. The distance is that of the union of the real solid and of a
+layer behind its inner surface: places within the growth of the solid, below the water's level, not on the inner side.
 """
 
 import numpy as np

@@ -81,11 +81,10 @@ class Inside(NamedTuple):
 
 
 def find_inside(solid: trimesh.Trimesh | list[trimesh.Trimesh], cells: int = CELLS) -> Inside:
-    """Return what closed meshes, z up, hold together.
+    """Return what closed meshes, z up, hold together; raises ConfigError where they hold nothing.
 
     It is found among `cells` cells along their longest edge, twice as many where these are too large, and then again
     among as many around what was found: a small bowl on a long handle is measured as well as a bowl alone.
-    Raises ConfigError where they hold nothing.
     """
     parts = solid if isinstance(solid, list) else [solid]
     low, extents = span(parts)
@@ -119,21 +118,18 @@ def hold_water(parts: list[trimesh.Trimesh], low: np.ndarray, extents: np.ndarra
     held = np.zeros(shape, bool)
     for k in range(shape[2] - BORDER):
         levels, count = label_parts(outside[:, :, : k + 1])
-        sides = np.concatenate([levels[0].ravel(), levels[-1].ravel(), levels[:, 0].ravel(), levels[:, -1].ravel(),
-                                levels[:, :, 0].ravel()])
-        stays = np.setdiff1d(np.arange(1, count + 1), sides)
+        stays = np.setdiff1d(np.arange(1, count + 1), border_values(levels, 5))
         held[:, :, k] = np.isin(levels[:, :, k], stays)
-    held = largest_part(held)
-    held |= free & skin & neighbours(held) & ~neighbours(outside & ~held)
-    return Inside(lower, spacing, held)
+    parts_held, count = label_parts(held)
+    if count > 1:  # dents of a handle hold a little, too
+        held = parts_held == 1 + int(np.argmax(np.bincount(parts_held.ravel())[1:]))
+    near, near_outside = (np.asarray(binary_dilation(cells, FACES), bool) for cells in (held, outside & ~held))
+    return Inside(lower, spacing, held | free & skin & near & ~near_outside)
 
 
-def given_inside(parts: list[trimesh.Trimesh], region: mpm.Region, cells: int = CELLS) -> Inside:
-    """Return what closed meshes hold, and where that is little of a region, the free space of the region.
-
-    For a tool that holds no water; as `find_inside`.
-    """
-    spacing = float(span(parts)[1].max()) / cells
+def given_inside(parts: list[trimesh.Trimesh], region: mpm.Region) -> Inside:
+    """Return what closed meshes hold; where that is little of a region, as of a scoop, the free space of the region."""
+    spacing = float(span(parts)[1].max()) / CELLS
     lower = np.array(region.centre) - region.half
     shape = tuple(int(n) for n in np.maximum(np.ceil(2.0 * np.array(region.half) / spacing).astype(int), 1) + 1)
     points = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
@@ -143,7 +139,7 @@ def given_inside(parts: list[trimesh.Trimesh], region: mpm.Region, cells: int = 
                           f"of {1e3 * spacing:.2g} mm beside the mesh; accepted: the space in front of its wall")
     given = Inside(lower, spacing, free, np.array(region.centre))
     try:
-        water = find_inside(parts, cells)
+        water = find_inside(parts)
     except ConfigError:
         return given
     return water if water.volume > WATER_SHARE * given.volume else given
@@ -156,10 +152,10 @@ def span(parts: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
     return low, bounds[:, 1].max(0) - low
 
 
-def border_values(cells: np.ndarray) -> np.ndarray:
-    """Return the values of a lattice (nx, ny, nz) that stand on its border."""
-    return np.unique(np.concatenate([side.ravel() for axis in range(3) for side in (cells.take(0, axis),
-                                                                                   cells.take(-1, axis))]))
+def border_values(cells: np.ndarray, faces: int = 6) -> np.ndarray:
+    """Return the values of a lattice (nx, ny, nz) on its border: on the sides, the bottom (5 faces), and the top."""
+    sides = [cells.take(end, axis).ravel() for axis in range(3) for end in (0, -1)]
+    return np.unique(np.concatenate(sides[:faces]))
 
 
 def find_skin(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float,
@@ -197,19 +193,6 @@ def sample_triangles(corners: np.ndarray, step: float) -> Iterator[np.ndarray]:
 def find_free(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
     """Return which points of a lattice lie in no mesh (nx, ny, nz)."""
     return ~np.any([mesh_distance.find_inside(part, lower, spacing, shape) for part in parts], axis=0)
-
-
-def largest_part(held: np.ndarray) -> np.ndarray:
-    """Return the largest connected part: dents of a handle hold a little, too."""
-    labels, count = label_parts(held)
-    if count < 2:
-        return held
-    return labels == 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
-
-
-def neighbours(cells: np.ndarray) -> np.ndarray:
-    """Return the cells that are set, and those next to them."""
-    return np.asarray(binary_dilation(cells, FACES), bool)
 
 
 def label_parts(cells: np.ndarray) -> tuple[np.ndarray, int]:

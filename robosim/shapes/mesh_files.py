@@ -1,7 +1,7 @@
 """Meshes of a laboratory's own tools and containers: read, checked, and made closed.
 
-A closed part is a solid. An open one is the middle of a wall: it gets a thickness. What is wrong with a file is refused
-by name, because a tool that leaks or holds the wrong volume looks right in every picture.
+A closed part is a solid, an open one the middle of a wall. What is wrong with a file is refused by name, because a tool
+that leaks or holds the wrong volume looks right in every picture.
 """
 
 from pathlib import Path
@@ -29,9 +29,8 @@ Array = NDArray[np.float64]
 def read_parts(path: Path, thickness: float | None = None, scale: float = 1.0) -> list[trimesh.Trimesh]:
     """Read the connected parts of a file as closed meshes [m], normals outward; they may overlap.
 
-    thickness: of the walls [m] about open parts, half of it to each side; closed parts are solids. scale: of the file's
-    unit. Raises ConfigError for an open part without a thickness, for a thickness without an open part, and for a part
-    or a wall that cuts itself.
+    thickness: of the walls [m] about open parts, half of it to each side. scale: of the file's unit. Raises ConfigError
+    for an open part without a thickness or the reverse, and for a part or a wall that cuts itself.
     """
     parts = split_parts(read_mesh(path, scale))
     if thickness is not None and all(part.is_watertight for part in parts):
@@ -44,7 +43,12 @@ def read_parts(path: Path, thickness: float | None = None, scale: float = 1.0) -
             check_intersections(part, path)
             solids.append(part)
         else:
-            solids.append(make_wall(part, path, thickness))
+            check_surface(part, path)
+            wall = thicken(part, thickness)
+            check_closed(wall, path)
+            check_intersections(wall, path, f"its wall of {1e3 * thickness:g} mm: thinner, or a surface without narrow "
+                                            f"places")
+            solids.append(wall)
     return solids
 
 
@@ -52,8 +56,7 @@ def read_surface(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     """Read the open parts of a file as one surface [m], or all of one that has none; raises ConfigError."""
     parts = split_parts(read_mesh(path, scale))
     surface = join([part for part in parts if not part.is_watertight] or parts)
-    check_sides(surface, path)
-    check_intersections(surface, path)
+    check_surface(surface, path)
     return surface
 
 
@@ -97,20 +100,11 @@ def pick_faces(mesh: trimesh.Trimesh, chosen: NDArray[np.bool_]) -> trimesh.Trim
     return part
 
 
-def make_wall(part: trimesh.Trimesh, path: Path, thickness: float) -> trimesh.Trimesh:
-    """Return the closed wall about an open part; raises ConfigError."""
-    check_sides(part, path)
-    check_intersections(part, path)
-    wall = thicken(part, thickness)
-    check_closed(wall, path)
-    check_intersections(wall, path, f"its wall of {1e3 * thickness:g} mm: thinner, or a surface without narrow places")
-    return wall
-
-
-def check_sides(surface: trimesh.Trimesh, path: Path) -> None:
-    """Raise ConfigError for a surface whose faces look to both of its sides."""
+def check_surface(surface: trimesh.Trimesh, path: Path) -> None:
+    """Raise ConfigError for a surface whose faces look to both of its sides, and for one that cuts itself."""
     if not surface.is_winding_consistent:
         raise ConfigError(f"{path}: neighbouring faces look to opposite sides; accepted: a surface with one front side")
+    check_intersections(surface, path)
 
 
 def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
@@ -130,20 +124,15 @@ def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     if len(mesh.faces) > MOST_FACES:
         raise ConfigError(f"{path}: {len(mesh.faces)} triangles; accepted: up to {MOST_FACES}")
     mesh.apply_scale(scale)
-    check_unit(float(mesh.extents.max()), path)
+    size = float(mesh.extents.max())
+    if not SMALLEST <= size <= LARGEST:
+        likely = [f"{unit} (scale: {factor:g})" for unit, factor in UNITS.items() if 0.02 <= size * factor <= 1.0]
+        raise ConfigError(f"{path}: {size:.4g} m long; accepted: {SMALLEST} to {LARGEST} m; is it in "
+                          f"{' or '.join(likely) or 'another unit'}?")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())
     mesh.remove_unreferenced_vertices()
     return mesh
-
-
-def check_unit(size: float, path: Path) -> None:
-    """Raise ConfigError for a size [m] that no tool or container has, with the unit that would explain it."""
-    if SMALLEST <= size <= LARGEST:
-        return
-    likely = [f"{unit} (scale: {factor:g})" for unit, factor in UNITS.items() if 0.02 <= size * factor <= 1.0]
-    raise ConfigError(f"{path}: {size:.4g} m long; accepted: {SMALLEST} to {LARGEST} m; is it in "
-                      f"{' or '.join(likely) or 'another unit'}?")
 
 
 def check_closed(mesh: trimesh.Trimesh, path: Path) -> None:

@@ -46,20 +46,13 @@ def build_tool_spec(tool: ToolShape) -> mujoco.MjSpec:
     return spec
 
 
-def build_container_spec(name: str, shape: ContainerShape) -> mujoco.MjSpec:
-    """Build the specification of a container alone."""
-    spec = mujoco.MjSpec()
-    add_container_body(spec, name, shape)
-    return spec
-
-
 def add_container_body(spec: mujoco.MjSpec, name: str, shape: ContainerShape) -> mujoco.MjsBody:
     """Add a container's static body: its walls, and convex parts of them that arm, hand and handles meet."""
     body, walls = spec.worldbody.add_body(name=name), shape.walls()
     add_mesh(spec, f"{name}_walls", walls)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}_walls", group=2, contype=0, conaffinity=0,
                   mass=0.0, rgba=GLASS)
-    for number, part in enumerate(wall_parts(shape)):
+    for number, part in enumerate(split_wall(shape)):
         part_name = f"{name}_part_{number}"
         add_mesh(spec, part_name, part)
         body.add_geom(name=part_name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part_name, group=3, mass=0.0,
@@ -67,24 +60,20 @@ def add_container_body(spec: mujoco.MjSpec, name: str, shape: ContainerShape) ->
     return body
 
 
-@lru_cache(maxsize=64)
-def wall_parts(shape: ContainerShape) -> list[trimesh.Trimesh]:
-    """Return the convex parts of a container's wall, which take longer than all else of its model."""
-    return split_wall(shape.walls(), *shape.bounds)
-
-
 def add_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh) -> None:
     """Add a mesh's vertices and faces to a specification."""
     spec.add_mesh(name=name, uservert=mesh.vertices.ravel(), userface=mesh.faces.ravel())
 
 
-def split_wall(mesh: trimesh.Trimesh, lower: Array, upper: Array) -> list[trimesh.Trimesh]:
-    """Split a wall around an inside, from lower to upper (3,) [m], into the hulls of its sectors.
+@lru_cache(maxsize=64)  # it takes longer than all else of a container's model
+def split_wall(shape: ContainerShape) -> list[trimesh.Trimesh]:
+    """Split a container's wall into the hulls of its sectors.
 
-    Together they hold all of the mesh; where a sector is curved its hull reaches beyond the wall.
+    Together they hold all of the wall; where a sector is curved its hull reaches beyond it.
     """
+    lower, upper = shape.bounds
     centre = np.array([*(0.5 * (lower + upper))[:2], upper[2]])
-    fine = subdivide(mesh, 0.4 * float(np.linalg.norm(upper - lower)) / BANDS)
+    fine = subdivide(shape.walls(), 0.4 * float(np.linalg.norm(upper - lower)) / BANDS)
     offset = fine.triangles_center - centre
     around = np.arctan2(offset[:, 1], offset[:, 0])
     down = np.arctan2(np.hypot(offset[:, 0], offset[:, 1]), -offset[:, 2])

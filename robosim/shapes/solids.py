@@ -33,13 +33,10 @@ def join_rows(k: int, n: int, closed: bool = True) -> NDArray[np.int64]:
     return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
 
 
-def loft(
-    sections: ArrayLike, apexes: tuple[ArrayLike | None, ArrayLike | None] = (None, None)
-) -> trimesh.Trimesh:
-    """Join k closed sections (k, n, 3) [m] into a solid.
+def loft(sections: ArrayLike, apexes: tuple[ArrayLike | None, ArrayLike | None] = (None, None)) -> trimesh.Trimesh:
+    """Join k closed sections (k, n, 3) [m] into a solid, whose two ends are closed by triangle fans.
 
-    Its two ends are closed by triangle fans. apexes gives the centre points (3,) of the fans; None takes the mean of
-    the end section (a flat cap).
+    apexes: centre points (3,) of the fans; None: the mean of the end section (a flat cap).
     """
     rings = np.asarray(sections, float)
     k, n, _ = rings.shape
@@ -122,10 +119,9 @@ def make_box_face(inner_size: ArrayLike, corner: float) -> trimesh.Trimesh:
 
 def make_container_shell(inner_size: ArrayLike, wall: float = 0.006,
                          corner: float = CONTAINER_CORNER) -> trimesh.Trimesh:
-    """Make an open-topped box with rounded upright edges.
+    """Make an open-topped box with rounded upright edges; its origin is the centre of the inner floor, z up.
 
-    Its origin is the centre of the inner floor, z up. inner_size (3,): cavity [m]. wall: thickness [m] of walls and
-    floor, by default the real one. corner: inner radius [m] of the upright edges.
+    inner_size (3,): cavity [m]. wall: thickness [m] of walls and floor. corner: inner radius [m] of the upright edges.
     """
     size = np.asarray(inner_size, float)
     lip, top = wall / 3.0, float(size[2])  # bevels of the upper rim catch the light

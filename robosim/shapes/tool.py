@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.base.errors import ConfigError
-from robosim.config.tool import HandleConfig, HolesConfig, ToolConfig, load_bundled
+from robosim.config.tool import HandleConfig, ToolConfig, load_bundled
 from robosim.shapes.grown_wall import grow_outward, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside, given_inside
 from robosim.shapes.mesh_files import join, read_directions, read_parts, read_surface, turn_from_wall
@@ -35,7 +35,7 @@ class ToolShape:
 
     def __init__(self, config: ToolConfig) -> None:
         path, handle = Path(config.mesh), config.handle
-        self.config, self.name = config, config.name
+        self.config, self.name, self.holes = config, config.name, config.holes
         self.head = read_parts(path, None if config.is_closed else config.thickness, config.scale)
         """Its parts, closed, with the real wall; they may overlap. With the handle, unless that has its own mesh."""
         self.rod = [] if handle.mesh is None else read_parts(Path(handle.mesh), None, config.scale)
@@ -93,8 +93,9 @@ class ToolShape:
         """Return the signed distance of the tool with its real wall."""
         return mpm.Sdf.from_mesh(self.head + self.rod, spacing=spacing)
 
+    @cached_property
     def head_shell(self) -> mpm.Shell:
-        """Return the head alone as a thin shell of its real wall; raises ConfigError for a solid."""
+        """The head alone as a thin shell of its real wall; raises ConfigError for a solid."""
         if self.face is None or self.config.thickness is None:
             raise ConfigError(f"tool {self.name!r} has no inner_face, and its mesh is closed, so that no face is known "
                               f"for a shell; accepted: a wall thickness in metres, or a tool with inner_face, or whose "
@@ -107,11 +108,6 @@ class ToolShape:
         if self.face is not None and self.config.inner_face is not None:
             return float(self.face.convex_hull.volume)
         return self.inside.volume
-
-    @property
-    def holes(self) -> HolesConfig | None:
-        """Small holes of the head, if it has any."""
-        return self.config.holes
 
     def orifices(self, grain_diameter: float) -> list[mpm.Orifice]:
         """Return the holes of the head as orifices of its shell, for grains of a diameter [m]."""
@@ -131,10 +127,13 @@ class ToolShape:
 
     def head_vertices(self) -> Array:
         """Return the vertices (n, 3) that are no part of the handle."""
-        vertices = join(self.head).vertices
+        vertices, (begin, end) = join(self.head).vertices, self.handle
         if self.rod:
             return vertices
-        return vertices[~is_near_line(vertices, self.handle, NEAR_HANDLE * self.radius)]
+        along = end - begin
+        share = np.clip((vertices - begin) @ along / np.dot(along, along), 0.0, 1.0)
+        away = np.linalg.norm(vertices - (begin + share[:, None] * along), axis=1)
+        return vertices[away >= NEAR_HANDLE * self.radius]
 
     @cached_property
     def tip(self) -> Array:
@@ -162,25 +161,17 @@ class ToolShape:
 
 
 def tool_shape(tool: str | ToolConfig) -> ToolShape:
-    """Return the shape of a bundled tool or of one of one's own; raises UnknownName, ConfigError.
-
-    Files that have not changed are read once.
-    """
+    """Return the shape of a bundled tool or of one's own, read once; raises UnknownName, ConfigError."""
     if isinstance(tool, str):
-        return _read_bundled(tool)
+        return _read_tool(tool, ())
     paths = [Path(name) for name in (tool.mesh, tool.handle.mesh, tool.inner_face) if name is not None]
     changed = tuple(path.stat().st_mtime_ns if path.is_file() else 0 for path in paths)
     return _read_tool(tool, changed)  # pyright: ignore[reportArgumentType]  (frozen tables have a hash)
 
 
-@lru_cache
-def _read_bundled(name: str) -> ToolShape:
-    return ToolShape(load_bundled(name))
-
-
-@lru_cache(maxsize=16)
-def _read_tool(config: ToolConfig, stamps: tuple[int, ...]) -> ToolShape:
-    return ToolShape(config)
+@lru_cache(maxsize=32)
+def _read_tool(tool: str | ToolConfig, changed: tuple[int, ...]) -> ToolShape:
+    return ToolShape(load_bundled(tool) if isinstance(tool, str) else tool)
 
 
 def counting_region(inside: Inside) -> mpm.Region:
@@ -207,14 +198,6 @@ def grip_pose(handle: HandleConfig) -> Array:
     pose[:3, :3] = np.stack([np.cross(y, z), y, z], axis=1)
     pose[:3, 3] = head + handle.hold * (end - head)
     return pose
-
-
-def is_near_line(points: Array, line: tuple[Array, Array], reach: float) -> NDArray[np.bool_]:
-    """Test which points (n, 3) lie within `reach` [m] of a line between two points."""
-    begin, end = line
-    along = end - begin
-    share = np.clip((points - begin) @ along / np.dot(along, along), 0.0, 1.0)
-    return np.linalg.norm(points - (begin + share[:, None] * along), axis=1) < reach
 
 
 def measure_radius(mesh: trimesh.Trimesh, line: tuple[Array, Array], name: str) -> float:

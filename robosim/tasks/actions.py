@@ -5,6 +5,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+import mpm
+from mpm.geometry.rigid_motion import rotate
 from robosim.base.errors import ConfigError
 from robosim.tasks.task import TaskConfig
 
@@ -15,10 +17,7 @@ SHAKING = ("amplitude", "frequency")
 
 
 def check_action_repeat(action_repeat: int) -> int:
-    """Return the steps that an action is repeated for, as an int.
-
-    Raises ConfigError unless it is a whole number from 1 on.
-    """
+    """Return the steps that an action is repeated for; raises ConfigError unless it is a whole number from 1 on."""
     if not isinstance(action_repeat, int | np.integer) or action_repeat < 1:
         raise ConfigError(f"action_repeat = {action_repeat!r}; accepted: a whole number from 1 on")
     return int(action_repeat)
@@ -39,6 +38,12 @@ def delay_steps(delay: float, step_dt: float) -> int:
     if steps < 0 or abs(steps * step_dt - delay) > 1e-6:
         raise ConfigError(f"action_delay = {delay} s; accepted: 0 to {LONGEST_DELAY:g} s, a multiple of {step_dt:g} s")
     return steps
+
+
+def move_pose(pose: mpm.Pose, task: TaskConfig, linear: np.ndarray, angular: np.ndarray) -> mpm.Pose:
+    """Move a pose by one step of velocities [m/s], [rad/s] in world axes; the origin stays in the task's box."""
+    position = np.clip(pose.position + task.step_dt * linear, task.action.lower, task.action.upper)
+    return mpm.Pose(position, rotate(pose.quaternion, task.step_dt * angular))
 
 
 class DelayLine:
@@ -71,27 +76,19 @@ class DelayLine:
 
 
 class ActionScaling:
-    """The action space of a sub-task and the tool velocities that its numbers stand for.
-
-    clip: finite values outside -1 to 1 are clipped; otherwise they are refused.
-    """
+    """The action space of a sub-task; clip: finite values outside -1 to 1 are clipped, otherwise they are refused."""
 
     def __init__(self, task: TaskConfig, *, clip: bool = False) -> None:
         action, n = task.action, task.action.dimensions
         self.space, self.clip = gymnasium.spaces.Box(-1.0, 1.0, (action.size,), np.float32), clip
         self._scale = np.array([action.speed] * 3 + [action.angular_speed] * (n - 3))
         self._names, self._vibration = AXES[:n] + SHAKING, action.vibration
-
-    @property
-    def rest(self) -> Velocity:
+        self.rest: Velocity = AT_REST if action.vibration is None else (*AT_REST, np.zeros(2))
         """Velocities of a tool at rest."""
-        return AT_REST if self._vibration is None else (*AT_REST, np.zeros(2))
 
     def velocities(self, action: np.ndarray, name: str = "action") -> Velocity:
-        """Convert an action (size,) to linear [m/s] (3,) and angular [rad/s] (3,) velocity.
+        """Convert an action (size,) to velocities of the tool; name: what messages call the action.
 
-        Both are of the tool, in world axes; amplitude [m] and frequency [Hz] (2,) of a vibration follow where the task
-        has one. name: what messages call the action.
         Raises ConfigError for a wrong shape or dtype, and for a component outside -1 to 1.
         """
         values = np.asarray(action)

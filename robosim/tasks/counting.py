@@ -7,12 +7,11 @@ import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.rewards.grains import Distance
 from robosim.rewards.term import find_term
+from robosim.scene.field import TOOL
 from robosim.scene.models import container_shape
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig
 
-TOOL = 0
-"""Index of the tool's collider."""
 WALL_POINTS, WALL_MARGIN = 2000, 0.002
 """Points on the surface of a container, and the distance [m] to the tool at which they count as hit."""
 PROBE_SPACING = 0.002
@@ -41,12 +40,11 @@ def observed_grains(task: TaskConfig) -> np.ndarray:
 
 def container_points(task: TaskConfig) -> np.ndarray | None:
     """Sample the container's surface: points [m] (WALL_POINTS, 3) in the world; None without a container."""
-    points = None
-    for name in task.sources:
-        container = task.containers[name]
-        walls = container_shape(name, container).walls()
-        points = container.pose.apply(trimesh.sample.sample_surface(walls, WALL_POINTS, seed=0)[0])
-    return points
+    if task.container is None:
+        return None
+    container = task.containers[task.container]
+    walls = container_shape(task.container, container).walls()
+    return container.pose.apply(trimesh.sample.sample_surface(walls, WALL_POINTS, seed=0)[0])
 
 
 def whole_tool_sdf(task: TaskConfig) -> Lattice:

@@ -26,9 +26,9 @@ class Load(NamedTuple):
     material: Any
     """Configuration of their material."""
     volume: float
-    """Volume of one grain [m^3]."""
+    """Of one grain [m^3]."""
     positions: np.ndarray
-    """Positions [m] (n, 3)."""
+    """[m] (n, 3)"""
     strain: np.ndarray | None
     """e = b - I as six numbers (n, 6); None for a law without a strain."""
     memory: dict[str, np.ndarray]
@@ -41,10 +41,7 @@ class Load(NamedTuple):
 
 
 def take_load(env: Any) -> Load:
-    """Take the grains that the tool of a `GrainEnv` holds now.
-
-    Raises ConfigError where it holds none.
-    """
+    """Take the grains that the tool of a `GrainEnv` holds now; raises ConfigError where it holds none."""
     pose, state = env.solver.collider_pose(TOOL), env.solver.state()
     local = pose.inverse().apply(env.solver.positions())
     held = tool_shape(env.task.tool).interior.holds(local)
@@ -63,10 +60,7 @@ def rotate_strain(e: np.ndarray, R: np.ndarray) -> np.ndarray:
 
 
 def task_with_load(name: str, task: TaskConfig, load: Load) -> TaskConfig:
-    """Return the task with as many grains as the load.
-
-    Raises ConfigError for a task whose tool is another one or does not begin full, and for too few grains.
-    """
+    """Return the task with as many grains as the load; raises ConfigError for another tool, and for too few grains."""
     if not task.carried or task.tool != load.tool:
         raise ConfigError(f"{name}: begins with {'its own grains' if not task.carried else f'a {task.tool_name}'}; "
                           f"accepted: a sub-task that begins with a full {name_tool(load.tool)}, as {load.task} "
@@ -74,11 +68,6 @@ def task_with_load(name: str, task: TaskConfig, load: Load) -> TaskConfig:
     if load.count < task.grains.observe_every:
         raise ConfigError(f"{name}: {load.count} grains are handed over; accepted: {task.grains.observe_every} or more")
     return task.model_copy(update={"grains": task.grains.model_copy(update={"count": load.count})})
-
-
-def load_positions(task: TaskConfig, load: Load) -> np.ndarray:
-    """Return the load's positions [m] (n, 3) in the world with the tool at the task's own start."""
-    return task.start.pose.apply(load.positions)
 
 
 def load_state(task: TaskConfig, load: Load, solver: mpm.Solver) -> dict[str, np.ndarray]:

@@ -6,21 +6,24 @@ import mpm
 from mpm.state.particles import SPEED_LIMIT
 from robosim.tasks.task import TaskConfig
 
-DOSING_TERMS = ("tool", "goal", "time", "scale", "target")
-"""Terms that a dosing task observes where nothing else is chosen; see `robosim.senses.senses.TERMS`."""
-SCOOPING_TERMS = ("tool", "goal", "time", "wrist", "height_map", "target")
-"""The same without a receiver: no balance shows what the tool holds."""
 TOOL_MARGIN = 0.05
 """Distance [m] by which an arm may carry the tool past the box of commanded positions."""
 Bounds = tuple[np.ndarray, np.ndarray]
 """Lowest and highest values, one each per number."""
 
 
+def dose_terms(task: TaskConfig) -> tuple[str, ...]:
+    """Return the terms that a dosing task observes where nothing else is chosen; see `robosim.senses.senses.TERMS`.
+
+    Without a receiver no balance shows what the tool holds.
+    """
+    return ("tool", "goal", "time", *(("wrist", "height_map") if task.receiver is None else ("scale",)), "target")
+
+
 def grain_bounds(grid: mpm.Grid, dt: float) -> Bounds:
     """Return the bounds (6,) of a grain's position [m] and velocity [m/s] with substeps of dt [s]."""
     lower, upper = _box_inside_walls(grid)
-    # a grain that is faster counts as diverged
-    fastest = np.full(3, SPEED_LIMIT * grid.cell / dt)
+    fastest = np.full(3, SPEED_LIMIT * grid.cell / dt)  # a grain that is faster counts as diverged
     return np.concatenate([lower, -fastest]), np.concatenate([upper, fastest])
 
 
@@ -36,6 +39,5 @@ def tool_bounds(task: TaskConfig, grid: mpm.Grid) -> Bounds:
 
 
 def _box_inside_walls(grid: mpm.Grid) -> Bounds:
-    """Return the corners [m] (3,) of the grid's box, widened by the rounding of positions to single precision."""
-    return (np.asarray(grid.lower) - 0.01 * grid.cell,
-            np.asarray(grid.lower) + (grid.cells + 0.01) * grid.cell)
+    """Corners [m] (3,) of the grid's box, widened by the rounding of positions to single precision."""
+    return np.asarray(grid.lower) - 0.01 * grid.cell, np.asarray(grid.lower) + (grid.cells + 0.01) * grid.cell

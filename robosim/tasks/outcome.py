@@ -5,7 +5,7 @@ Masses are in kg. What is poured is the mass in the receiver; in a task without 
 
 import copy
 import math
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +13,8 @@ import mpm
 from robosim.dosing.command import LEVEL, accepted_error
 from robosim.rewards.reward import Reward
 from robosim.rewards.term import RewardScene, Step
-from robosim.tasks.dosing import TARGET_MASS
+from robosim.shapes import tool_shape
+from robosim.tasks.sections import TARGET_MASS
 from robosim.tasks.task import TaskConfig
 
 TILTED = math.radians(5.0)
@@ -25,9 +26,9 @@ CLEAR = 0.02
 
 
 class Outcome:
-    """What an episode is measured by, besides its reward. Subclasses are of tasks with and without dose."""
+    """What an episode is measured by, besides its reward: grains on the target, lost, and in the tool."""
 
-    STATE: ClassVar[tuple[str, ...]]
+    STATE: ClassVar[tuple[str, ...]] = ("on_target", "poured_on_target")
     """Attributes that the steps of an episode change."""
     is_over: bool = False
     """Whether the episode ends before its time."""
@@ -47,35 +48,13 @@ class Outcome:
 
     def restart(self, target: float, grain_mass: float) -> None:
         """Begin a new episode; target: mass to dose [kg]. grain_mass: of one material point [kg]."""
-        raise NotImplementedError
-
-    def step(self, counts: mpm.Counts, pose: mpm.Pose, rotation: float, last: bool) -> Step:
-        """Return what the terms of the reward are computed from.
-
-        pose: of the tool. rotation [rad]: of it about its lateral axis since the start.
-        """
-        raise NotImplementedError
-
-    def readings(self, counts: mpm.Counts) -> dict[str, float]:
-        """Return physical readings that do not depend on the weights."""
-        raise NotImplementedError
-
-    def is_success(self, counts: mpm.Counts, readings: dict[str, float]) -> bool:
-        """Return whether the present state is a success; readings: all of them, those of reward terms too."""
-        raise NotImplementedError
-
-
-class Delivery(Outcome):
-    """Grains on the target, lost, and in the tool."""
-
-    STATE = ("on_target", "poured_on_target")
-
-    def restart(self, target: float, grain_mass: float) -> None:
-        """Begin a new episode."""
         self.on_target, self.poured_on_target = 0, 0
 
     def step(self, counts: mpm.Counts, pose: mpm.Pose, rotation: float, last: bool) -> Step:
-        """Count the grains on the target; where the grains closest to the goal count, choose them."""
+        """Return what the terms of the reward are computed from, also which grains closest to the goal count.
+
+        pose: of the tool. rotation [rad]: of it about its lateral axis since the start.
+        """
         distance, self.on_target = counts.distance, counts.in_region
         if counts.per_particle is not None:
             distances, on_target = counts.per_particle.T
@@ -86,7 +65,10 @@ class Delivery(Outcome):
         return Step(counts, distance, self.on_target, rotation, last)
 
     def readings(self, counts: mpm.Counts) -> dict[str, float]:
-        """Return delivered, retained: shares of the counted grains; spilled: share of the observed grains."""
+        """Return physical readings that do not depend on the weights.
+
+        delivered, retained: shares of the counted grains; spilled: share of the observed grains.
+        """
         task, n = self.task, self.task.grains.counted
         pours, observed = "poured" in task.reward, task.grains.count // task.grains.observe_every
         return {"delivered": (self.poured_on_target if pours else self.on_target) / n,
@@ -94,24 +76,11 @@ class Delivery(Outcome):
                 "retained": min(counts.in_inner / n, 1.0) if task.grains.elites else counts.in_inner / n}
 
     def is_success(self, counts: mpm.Counts, readings: dict[str, float]) -> bool:
-        """Return whether enough grains are delivered, and the tool is rotated as required."""
+        """Return whether the present state is a success; readings: all of them, those of reward terms too."""
         success = self.task.success
         assert success is not None
         is_level = success.turn_error_deg is None or readings["turn_error_deg"] <= success.turn_error_deg
         return bool(readings["delivered"] >= success.delivered and is_level)
-
-
-class Masses(NamedTuple):
-    """Where the grains of a dosing task are [kg]; the sum is the load."""
-
-    poured: float
-    """In the receiver; in a task without one, in the tool."""
-    spilled: float
-    """Beside the receiver, below its rim; in a task without one, outside the bounds."""
-    held: float
-    """In the tool."""
-    elsewhere: float
-    """In the air, or in the container."""
 
 
 class Dose(Outcome):
@@ -129,7 +98,6 @@ class Dose(Outcome):
         super().__init__(task)
 
     def restart(self, target: float, grain_mass: float) -> None:
-        """Begin a new episode."""
         self.target, self.grain_mass = target, grain_mass
         self.steps, self.has_tilted, self.level_steps, self.most = 0, self._start_tilt > TILTED, 0, 0.0
 
@@ -144,43 +112,55 @@ class Dose(Outcome):
         return math.atan2(math.hypot(x, y), z)
 
     def step(self, counts: mpm.Counts, pose: mpm.Pose, rotation: float, last: bool) -> Step:
-        """Weigh the grains, and see whether the tool is level."""
         angle = self.tilt(pose)
         self.has_tilted |= angle > TILTED
         is_level = self.has_tilted and angle <= LEVEL and (self.task.container is None or counts.clearance >= CLEAR)
         self.steps, self.level_steps = self.steps + 1, self.level_steps + 1 if is_level else 0
         masses = self.masses(counts)
-        self.most = max(self.most, masses.poured)
-        return Step(counts, counts.distance, counts.in_region, rotation, last, masses.poured / self.target,
-                    masses.spilled / self.target)
+        self.most = max(self.most, masses["poured"])
+        return Step(counts, counts.distance, counts.in_region, rotation, last,
+                    masses["poured"] / self.target, masses["spilled"] / self.target)
 
-    def masses(self, counts: mpm.Counts) -> Masses:
-        """Return where the grains are, by their mass."""
+    def masses(self, counts: mpm.Counts) -> dict[str, float]:
+        """Return where the grains are, by their mass [kg]; the sum is the load.
+
+        poured: in the receiver; in a task without one, in the tool. spilled: beside the receiver, below its rim; in a
+        task without one, outside the bounds. held: in the tool. elsewhere: in the air, or in the container.
+        """
         n, held = self.task.grains.count, counts.in_inner
         if self.task.receiver is None:
             numbers = held, counts.exited, held, n - held - counts.exited
         else:
             spilled = max(counts.exited - counts.in_region, 0)
             numbers = counts.in_region, spilled, held, max(n - held - counts.in_region - spilled, 0)
-        return Masses(*(self.grain_mass * number for number in numbers))
+        return {name: self.grain_mass * number
+                for name, number in zip(("poured", "spilled", "held", "elsewhere"), numbers)}
 
     def readings(self, counts: mpm.Counts) -> dict[str, float]:
         """Return the dose: masses [kg], the error in kg and in % of the target, and the time [s].
 
-        overshoot: by how much the mass has been above the target. held, elsewhere: masses in the tool, and neither
-        there nor poured nor spilled.
+        overshoot: by how much the mass has been above the target.
         """
         masses = self.masses(counts)
-        error = masses.poured - self.target
-        return {"poured": masses.poured, TARGET_MASS: self.target, "dose_error": error,
+        error = masses["poured"] - self.target
+        return {"poured": masses["poured"], TARGET_MASS: self.target, "dose_error": error,
                 "dose_error_percent": 100.0 * error / self.target, "overshoot": max(self.most - self.target, 0.0),
-                "seconds": self.steps * self.task.step_dt, "spilled": masses.spilled, "held": masses.held,
-                "elsewhere": masses.elsewhere}
+                "seconds": self.steps * self.task.step_dt, **masses}
 
     def is_success(self, counts: mpm.Counts, readings: dict[str, float]) -> bool:
-        """Return whether the mass is right to within the larger one of the task's two tolerances."""
         allowed = accepted_error(self.target, self.dose.tolerance_percent, self.dose.tolerance_g)
-        return bool(abs(self.masses(counts).poured - self.target) <= allowed)
+        return bool(abs(self.masses(counts)["poured"] - self.target) <= allowed)
+
+
+def load_mass(task: TaskConfig, density: float, volume: float) -> tuple[float, str]:
+    """Return the largest mass [kg] that a dosing task can give, and what it is in words.
+
+    density: of the material [kg/m^3]. volume: of one grain [m^3]. A tool that begins empty is filled level at most.
+    """
+    total = task.grains.count * volume * density
+    if task.carried:
+        return total, f"the {task.tool_name} holds"
+    return min(total, tool_shape(task.tool).capacity * density), f"the {task.tool_name} has room for"
 
 
 def build_reward(task: TaskConfig) -> Reward:
@@ -191,4 +171,4 @@ def build_reward(task: TaskConfig) -> Reward:
 
 def build_outcome(task: TaskConfig) -> Outcome:
     """Build what the episodes of a task are measured by."""
-    return Delivery(task) if task.dose is None else Dose(task)
+    return Outcome(task) if task.dose is None else Dose(task)

@@ -1,14 +1,11 @@
-"""The page of an environment, its docstring: made from the configuration that the environment runs on.
-
-Headings and tables follow Gymnasium's environment pages.
-"""
+"""The page of an environment, its docstring: made from its configuration, in the form of Gymnasium's pages."""
 
 import numpy as np
 
 from robosim.config.materials import load_material
 from robosim.scene.field import largest_step
 from robosim.scene.grains import grain_volume
-from robosim.tasks.observation import DOSING_TERMS, SCOOPING_TERMS, grain_bounds, tool_bounds
+from robosim.tasks.observation import dose_terms, grain_bounds, tool_bounds
 from robosim.tasks.outcome import build_reward
 from robosim.tasks.sections import DosingConfig
 from robosim.tasks.task import RegionConfig, TaskConfig, load_task
@@ -108,19 +105,20 @@ def build_page(name: str) -> str:
 
 
 def _delivery_words(task: TaskConfig) -> dict[str, str]:
-    """Return what the page says of a task that brings grains to a target."""
-    observations, size = _observation_rows(task)
+    (observations, size), success = _observation_rows(task), task.success
+    assert success is not None
+    turned = f" and the tool rotated to within {success.turn_error_deg:g} deg" if success.turn_error_deg else ""
     return {"particles": "grains", "load": "", "up_to": "", "resolution": "", "measured": "", "drawn": "", "early": "",
             "decisions": f", so an episode has {-(-task.steps // 10)} actions", "obs": '"flat"',
             "observations": FLAT.format(size=size, rows=_table(observations)),
-            "success": f"{_success(task)}.\nTarget: {_region(task.target)}. A grain is lost outside "
-                       f"{_region(task.bounds)}, unless the tool holds it."}
+            "success": f"{success.delivered:.0%} of {task.grains.counted} grains on the target{turned}.\nTarget: "
+                       f"{_region(task.target)}. A grain is lost outside {_region(task.bounds)}, unless the tool holds "
+                       f"it."}
 
 
 def _dose_words(task: TaskConfig, dose: DosingConfig) -> dict[str, str]:
-    """Return what the page says of a dosing task."""
     point, pours = 1e3 * load_material(task.material).density.value * grain_volume(task), task.receiver is not None
-    terms = ", ".join(f"`{term}`" for term in (DOSING_TERMS if pours else SCOOPING_TERMS))
+    terms = ", ".join(f"`{term}`" for term in dose_terms(task))
     measured = "the mass in the receiver" if pours else "the mass in the tool"
     spilled = "what lies beside the receiver" if pours else f"what is outside {_region(task.bounds)}"
     clear = "" if pours else ", and 20 mm or more away from the container"
@@ -141,12 +139,10 @@ def _dose_words(task: TaskConfig, dose: DosingConfig) -> dict[str, str]:
 
 
 def _table(rows: list[tuple[object, ...]]) -> str:
-    """Format the rows of a table."""
     return "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows)
 
 
 def _action_rows(task: TaskConfig) -> list[tuple[object, ...]]:
-    """Return the rows of the table of actions."""
     action, vibration = task.action, task.action.vibration
     units = [(f"velocity along {axis}", f"{action.speed} m/s") for axis in "xyz"]
     units += [(f"angular velocity about {axis}", f"{action.angular_speed} rad/s")
@@ -178,20 +174,9 @@ def _observation_rows(task: TaskConfig) -> tuple[list[tuple[object, ...]], int]:
 
 
 def _vector(values: np.ndarray) -> str:
-    """Format a vector with three digits."""
     return f"({', '.join(f'{value:.3g}' for value in values)})"
 
 
-def _success(task: TaskConfig) -> str:
-    """Describe what counts as success."""
-    assert task.success is not None
-    words = f"{task.success.delivered:.0%} of {task.grains.counted} grains on the target"
-    if task.success.turn_error_deg is not None:
-        words += f" and the tool rotated to within {task.success.turn_error_deg:g} deg"
-    return words
-
-
 def _region(region: RegionConfig) -> str:
-    """Describe a region."""
     shape = "cylinder" if region.round else "box"
     return f"a {shape} about {region.centre} m with half sizes {region.half} m"

@@ -9,8 +9,11 @@ from scipy.spatial.transform import Rotation
 
 import mpm
 from robosim.config.bounds import (
+    LARGEST_DOSE,
+    LEAST_DOSE,
     Angle,
     AngularSpeed,
+    Axis,
     Count,
     Duration,
     FilePath,
@@ -20,9 +23,10 @@ from robosim.config.bounds import (
     Speed,
 )
 from robosim.config.table import Table, Vector3
+from robosim.dosing.command import TOLERANCE_G, TOLERANCE_PERCENT
 
-LEAST_DOSE, LARGEST_DOSE = 1.0, 60.0
-"""Masses [g] that a task may ask for."""
+TARGET_MASS = "target_mass"
+"""Name of the mass to dose among the numbers that an episode draws."""
 Frequency = Annotated[float, Field(ge=1.0, le=1000.0)]
 """[Hz]"""
 
@@ -81,7 +85,7 @@ class VibrationConfig(Table):
     """Amplitude [m] of an action of 1."""
     frequency: tuple[Frequency, Frequency]
     """Frequencies [Hz] of an action of -1 and of 1."""
-    axis: Literal["x", "y", "z"] = "x"
+    axis: Axis = "x"
     """Axis of the tool's frame along which it vibrates; x of the bundled tools points to the tip."""
 
     @pydantic.model_validator(mode="after")
@@ -144,9 +148,9 @@ class DosingConfig(Table):
 
     target_g: tuple[RangeEnd, RangeEnd]
     """Lowest and highest target mass [g], within 1 to 60; each episode draws one between them, all equally likely."""
-    tolerance_percent: Annotated[float, Field(ge=0.0, le=100.0)] = 2.0
+    tolerance_percent: Annotated[float, Field(ge=0.0, le=100.0)] = TOLERANCE_PERCENT
     """Error [%] of the target up to which a dose is a success."""
-    tolerance_g: Annotated[float, Field(ge=0.0, le=LARGEST_DOSE)] = 0.3
+    tolerance_g: Annotated[float, Field(ge=0.0, le=LARGEST_DOSE)] = TOLERANCE_G
     """Error [g] up to which it is a success, too."""
     level_pitch_deg: Angle | None = None
     """Pitch [deg] at which the tool is level; null: that of the start."""

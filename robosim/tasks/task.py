@@ -43,10 +43,9 @@ FAR = 10.0
 
 
 class ScriptedPath:
-    """Tool poses over time, eased between waypoints.
+    """Tool poses over time, eased between waypoints, with R = Rz(yaw) Ry(pitch).
 
-    yaw_deg: constant yaw. times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world.
-    pitches_deg (n,). The orientation is R = Rz(yaw) Ry(pitch).
+    times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world. pitches_deg (n,).
     """
 
     def __init__(self, yaw_deg: float, times: np.ndarray, positions: np.ndarray, pitches_deg: np.ndarray) -> None:
@@ -113,7 +112,6 @@ class TaskConfig(SceneConfig):
 
     @property
     def grain_count(self) -> int | None:
-        """Number of grains."""
         return self.grains.count
 
     @property
@@ -159,10 +157,7 @@ class TaskConfig(SceneConfig):
     @pydantic.model_validator(mode="before")
     @classmethod
     def _complete(cls, data: Any) -> Any:
-        """Add the sections that a dosing task leaves out; refuse those that it must leave out.
-
-        The others have to give them: null, which stands for what is missing, is refused.
-        """
+        """Add the sections that a dosing task leaves out; refuse those that it must, and null for the others."""
         if not isinstance(data, dict):
             return data
         given = {name: value for name, value in data.items() if value is not None or name not in ("target", "bounds")}
@@ -228,7 +223,6 @@ class TaskConfig(SceneConfig):
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> "TaskConfig":
-        """Refuse sections that do not fit each other."""
         if self.tool_fill_height is not None:
             raise ValueError("tool_fill_height: accepted in a rehearsal; here grains.count says how full the tool is")
         if self.steps * self.step_dt > MAX_TIME:
@@ -256,10 +250,7 @@ def task_names() -> list[str]:
 
 
 def is_task(scene: str) -> bool:
-    """Return whether a scene is a sub-task's name or file.
-
-    Files of tasks have the key `step_dt`, files of rehearsals do not.
-    """
+    """Return whether a scene is a sub-task's name or file, which has the key `step_dt`, as rehearsals do not."""
     if scene in task_names() or not Path(scene).is_file():
         return scene in task_names()
     data = read(Path(scene))
@@ -267,18 +258,14 @@ def is_task(scene: str) -> bool:
 
 
 def load_task(name: str, settings: Sequence[Setting] = ()) -> TaskConfig:
-    """Load a sub-task by name (configs/tasks) or by path; settings as of `load`.
-
-    Raises ConfigError for a file that cannot be used, UnknownName for a name that does not exist.
-    """
+    """Load a sub-task by name (configs/tasks) or path; settings as of `load`. Raises ConfigError, UnknownName."""
     return load(config_path("tasks", name, "task"), TaskConfig, settings=settings)
 
 
 def receiver_regions(containers: Any) -> dict[str, RegionConfig]:
-    """Return target and bounds of a task with a receiver: its inside up to the rim, and all above its rim.
+    """Return target and bounds of a task with a receiver: its inside up to the rim, and all above; empty without one.
 
-    containers: as a file gives them, or their configurations. Empty where all are filled. Of content that cannot be
-    used both are arbitrary, as the container itself is refused.
+    containers: as a file gives them, or their configurations; of what is refused elsewhere both are arbitrary.
     """
     from robosim.scene.models import container_shape  # MuJoCo, which most files of tasks do not need
 

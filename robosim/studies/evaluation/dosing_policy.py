@@ -119,7 +119,7 @@ class DosingPolicy:
             raise ConfigError(f"policy {name!r}: vibration of {numbers.vibration.amplitude} m at "
                               f"{numbers.vibration.frequency} Hz; accepted in this task: up to {vibration.amplitude} m "
                               f"at {low:g} to {high:g} Hz")
-        self._controller = make_controller(name, numbers, numbers.curve, env.action_repeat * env.task.step_dt)
+        self._controller = make_controller(name, numbers, env.action_repeat * env.task.step_dt)
         self.command: DoseCommand | None = None
         """The last command; None before the first."""
 

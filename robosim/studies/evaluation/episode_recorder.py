@@ -17,7 +17,7 @@ from robosim.scene.grains import container_region, grain_volume
 from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
-from robosim.tasks.dosing import TARGET_MASS
+from robosim.tasks.sections import TARGET_MASS
 from robosim.tasks.task import TaskConfig
 
 SHARES = [CurveEntry(name="delivered", unit="%", chart="grains"), CurveEntry(name="spilled", unit="%", chart="grains")]

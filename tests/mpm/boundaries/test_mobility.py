@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 import mpm
-from robosim.coupling.mobility_probe import MobilityProbe, Prediction
+from robosim.coupling.mobility_probe import MobilityProbe
 from robosim.coupling.plugin import GranularPlugin
 from robosim.studies.verification.stability.coupled import COMPARISONS, rest_height
 from robosim.studies.verification.stability.field import run_cell
@@ -160,9 +160,9 @@ def test_repeats_mend_a_mobility_that_is_wrong(monkeypatch: pytest.MonkeyPatch) 
     """With a mobility half as large as MuJoCo's the prediction is wrong; repeated steps converge to MuJoCo's motion."""
     predict = MobilityProbe.predict
 
-    def predict_half(self: MobilityProbe, wrenches: np.ndarray) -> Prediction:
-        prediction = predict(self, wrenches)
-        return prediction._replace(mobility=0.5 * prediction.mobility)
+    def predict_half(self: MobilityProbe, wrenches: np.ndarray) -> tuple[np.ndarray, ...]:
+        *twists, mobility = predict(self, wrenches)
+        return *twists, 0.5 * mobility
 
     monkeypatch.setattr(MobilityProbe, "predict", predict_half)
     missed = {}

@@ -22,7 +22,7 @@ EARLY = shifted(SALT, -10.0)
 
 def pour(name: str, target: float, plant: Plant) -> Dose:
     """Pour a dose with a controller of NUMBERS, which knows the curve of salt."""
-    return Dose(make_controller(name, NUMBERS, SALT, Plant.dt), plant, target)
+    return Dose(make_controller(name, NUMBERS, Plant.dt), plant, target)
 
 
 @pytest.mark.parametrize("target", [1e-3, 20e-3, 60e-3])
@@ -80,7 +80,7 @@ def test_every_dose_ends_level_in_time_with_bounded_commands(name: str, target: 
 def test_the_tool_is_not_tilted_before_the_lip_is_above_the_cup(name: str) -> None:
     plant = Plant(SALT, 0)
     plant.lip = np.array([0.3, 0.0, 0.25])
-    controller = make_controller(name, NUMBERS, SALT, Plant.dt)
+    controller = make_controller(name, NUMBERS, Plant.dt)
     controller.start(5e-3, accepted_error(5e-3))
     while np.hypot(*plant.lip[:2]) > NUMBERS.motion.near:
         assert plant.tilt == 0.0
@@ -90,7 +90,7 @@ def test_the_tool_is_not_tilted_before_the_lip_is_above_the_cup(name: str) -> No
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_controller_begins_a_second_dose_like_the_first(name: str) -> None:
-    controller = make_controller(name, NUMBERS, SALT, Plant.dt)
+    controller = make_controller(name, NUMBERS, Plant.dt)
     first, second = (Dose(controller, Plant(SALT, 4), 10e-3) for _ in range(2))
     np.testing.assert_array_equal(first.rates, second.rates)
 
@@ -100,7 +100,7 @@ def test_a_dose_ends_as_soon_as_its_error_is_accepted(name: str) -> None:
     """It is the larger of two tolerances. A wide one takes less time, and one that nothing meets no eternity."""
     assert accepted_error(20e-3) == pytest.approx(0.4e-3) and accepted_error(5e-3) == pytest.approx(0.3e-3)
     assert accepted_error(20e-3, 5.0, 0.3) == pytest.approx(1e-3) and accepted_error(20e-3, 0.0, 0.0) == 0.0
-    wide, narrow, none = (Dose(make_controller(name, NUMBERS, SALT, Plant.dt), Plant(SALT, 1), 20e-3, accepted)
+    wide, narrow, none = (Dose(make_controller(name, NUMBERS, Plant.dt), Plant(SALT, 1), 20e-3, accepted)
                           for accepted in (4e-3, 0.3e-3, 0.0))
     assert abs(wide.error) <= 4e-3 and wide.seconds < narrow.seconds
     assert none.commands[-1].done and none.seconds <= NUMBERS.motion.duration
@@ -108,9 +108,9 @@ def test_a_dose_ends_as_soon_as_its_error_is_accepted(name: str) -> None:
 
 def test_what_cannot_be_made() -> None:
     with pytest.raises(UnknownName, match="controller 'pid'; valid: open_loop, pi, shaker"):
-        make_controller("pid", NUMBERS, SALT, 0.02)
+        make_controller("pid", NUMBERS, 0.02)
     with pytest.raises(ConfigError, match="control_dt = 20"):
-        make_controller("pi", NUMBERS, SALT, 20)
+        make_controller("pi", NUMBERS, 20)
 
 
 @pytest.mark.parametrize(("name", "window", "control_dt"),
@@ -120,8 +120,8 @@ def test_a_window_with_too_few_readings_is_refused(name: str, window: float, con
     numbers = NUMBERS.model_copy(update={"pi": NUMBERS.pi.model_copy(update={"window": window})})
     with pytest.raises(ConfigError, match=rf"window.* = {window} s with control_dt = {control_dt} s.*accepted: .*at "
                                           rf"least 3 x control_dt = {3 * control_dt:g} s"):
-        make_controller(name, numbers, SALT, control_dt)
-    make_controller("open_loop", numbers, SALT, control_dt)
+        make_controller(name, numbers, control_dt)
+    make_controller("open_loop", numbers, control_dt)
 
 
 def test_a_balance_that_lags_shows_its_load_when_its_lag_is_known() -> None:

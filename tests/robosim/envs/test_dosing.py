@@ -9,7 +9,7 @@ from grain_envs import make, make_vector, same
 
 from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
-from robosim.senses.perception import Perception, PerceptionOptions
+from robosim.senses.perception import Perception
 from robosim.senses.term import SenseScene
 
 STILL = np.array([0, 0, 0, 0, 0, 0, -1, 0], np.float32)
@@ -53,9 +53,9 @@ def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
 def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv) -> None:
     seen, _ = spoon.reset(seed=4)
     for layout in ("flat", "dict", "none"):
-        perception = Perception(spoon.task, PerceptionOptions(layout))
+        perception = Perception(spoon.task, layout)
         perception.build(SenseScene(spoon.task, spoon.material, spoon.solver))
-        sight = spoon._member.look(np.zeros((len(perception.grains), 6), np.float32))
+        sight = spoon.member.look(np.zeros((len(perception.grains), 6), np.float32))
         read = perception.read(sight, perception.begin(sight, 0))
         target = read["target"] if layout == "dict" else read[perception.slices["target"]]
         assert np.array_equal(target, seen["target"]) and target.dtype == np.float32

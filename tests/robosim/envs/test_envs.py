@@ -13,7 +13,7 @@ from robosim.config.materials import load_material
 from robosim.envs import BUNDLED, DOSING, TASKS, sub_tasks
 from robosim.envs.grain_env import GrainEnv
 from robosim.scene.grains import grain_volume
-from robosim.senses.perception import Perception, PerceptionOptions
+from robosim.senses.perception import Perception
 from robosim.senses.term import SenseScene
 from robosim.shapes import tool_shape
 from robosim.studies.evaluation.policies import make_policy
@@ -215,10 +215,10 @@ def test_divergence_never_pays(pour: GrainEnv, monkeypatch: pytest.MonkeyPatch) 
 
 def observe(env: GrainEnv, layout: Any) -> tuple[Perception, Any]:
     """The present state in a layout, and what has read it."""
-    perception = Perception(env.task, PerceptionOptions(layout))
+    perception = Perception(env.task, layout)
     perception.build(SenseScene(env.task, env.material, env.solver))
     grains = mpm.Sample(env.solver, perception.grains).read() if layout != "none" else np.zeros((0, 6), np.float32)
-    sight = env._member.look(grains)
+    sight = env.member.look(grains)
     return perception, perception.read(sight, perception.begin(sight, 0))
 
 

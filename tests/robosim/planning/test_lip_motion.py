@@ -5,7 +5,8 @@ import pytest
 
 from mpm import Pose
 from robosim.dosing.command import DoseCommand
-from robosim.planning.lip_motion import RESPONSE, LipMotion
+from robosim.dosing.vibration import RESPONSE
+from robosim.planning.lip_motion import LipMotion
 
 DT = 1e-3
 LIP = np.array([0.035, 0.0, 0.0])
@@ -46,7 +47,7 @@ def test_the_vibration_follows_its_command_within_its_time_constant() -> None:
         command = DoseCommand(0.0, STILL, amplitude if k < 300 else 0.0, frequency if k < 300 else 0.0, False)
         moved.append(motion.advance(command, DT).position - START.position)
         share = 1.0 - np.exp(-DT * (k + 1) / RESPONSE) if k < 300 else np.exp(-DT * (k - 299) / RESPONSE)
-        assert motion.amplitude == pytest.approx(amplitude * share, rel=0.01)
+        assert motion.vibration.amplitude == pytest.approx(amplitude * share, rel=0.01)
     track = np.array(moved)
     assert np.abs(track[:, :2]).max() < 1e-12
     assert np.abs(track[0]).max() < 0.02 * amplitude

@@ -52,7 +52,7 @@ def test_nothing_begins_with_grains_in_a_solid(name: str) -> None:
     """A warning, which is an error here, counts grains more than a quarter of their size inside a wall."""
     task = load_task(name) if name in TASKS else None
     config, place = (load_rehearsal(name), PLACE) if task is None else (task, task.start.pose)
-    with build_field(config, salt(), place).solver as solver:
+    with build_field(config, salt(), place) as solver:
         assert len(solver.positions()) > 100 if task is None else len(solver.positions()) == task.grains.count
 
 
@@ -65,7 +65,7 @@ def test_a_file_sets_the_contact_of_rehearsals_and_sub_tasks(given: dict) -> Non
         config = validate(table, Path("test"), type(file))
         assert config.field.contact == contact
         assert ("contact" in config.field.model_dump(mode="json")) == (contact == "touching")
-        with build_field(config, salt(), PLACE).solver as solver:
+        with build_field(config, salt(), PLACE) as solver:
             assert solver.numerics.contact == contact and solver.features.touching == (contact == "touching")
 
 

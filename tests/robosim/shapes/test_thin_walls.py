@@ -36,7 +36,7 @@ def check_face(face: trimesh.Trimesh, solid: list[trimesh.Trimesh], wall: float)
 @pytest.mark.parametrize("name", ["spoon", "scoop", "bottle"])
 def test_of_tools(name: str) -> None:
     tool = tool_shape(name)
-    shell = tool.head_shell()
+    shell = tool.head_shell
     check_face(shell.mesh, tool.head, 0.0015)
     assert shell.thickness == 0.0015 and shell.behind == 0.00075
 
@@ -55,7 +55,7 @@ def ladle(tmp_path_factory: pytest.TempPathFactory) -> ToolShape:
 
 def test_an_own_tool_has_a_shell_and_a_lip_where_its_files_tell(ladle: ToolShape, tmp_path: Path) -> None:
     """From the middle of a wall, or a closed mesh with its inner face; a solid has the lip that its file gives."""
-    assert ladle.head_shell().behind == 0.0 and ladle.lip == pytest.approx([MIDDLE, 0.0, 0.0], abs=1e-6)
+    assert ladle.head_shell.behind == 0.0 and ladle.lip == pytest.approx([MIDDLE, 0.0, 0.0], abs=1e-6)
     solid, face = half_sphere(BOWL_MM, WALL_MM), half_sphere(BOWL_MM, WALL_MM)
     face.update_faces(np.linalg.norm(face.triangles_center, axis=1) < BOWL_MM + 0.1)
     face.update_faces(np.linalg.norm(face.vertices[face.faces], axis=2).max(1) < BOWL_MM + 0.1)
@@ -65,11 +65,11 @@ def test_an_own_tool_has_a_shell_and_a_lip_where_its_files_tell(ladle: ToolShape
     keys = ladle_keys(tmp_path / "bowl.stl", handle={**HANDLE, "radius": 0.01})
     closed = tool_shape(ToolConfig.model_validate(keys | {"thickness": 1e-3 * WALL_MM,
                                                           "inner_face": str(tmp_path / "face.stl")}))
-    check_face(closed.head_shell().mesh, closed.head, 1e-3 * WALL_MM)
+    check_face(closed.head_shell.mesh, closed.head, 1e-3 * WALL_MM)
     assert closed.lip == pytest.approx([1e-3 * BOWL_MM, 0.0, 0.0], abs=1e-6)
     assert closed.capacity == pytest.approx(2.0 / 3.0 * np.pi * (1e-3 * BOWL_MM) ** 3, rel=0.01)
     with pytest.raises(ConfigError, match="'shovel' has no inner_face, and its mesh is closed"):
-        tool_shape("shovel").head_shell()
+        _ = tool_shape("shovel").head_shell
     assert tool_shape(ToolConfig.model_validate(keys | {"lip": (0.028, 0.0, 0.0)})).lip == pytest.approx([0.028, 0, 0])
 
 
@@ -81,7 +81,7 @@ def test_an_own_thin_ladle_holds_grains_and_pours_them_over_its_lip(ladle: ToolS
     salt = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1217.0, friction_angle_deg=33.0)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.1, 0.16), CELL),
                         bodies=[mpm.Body(salt, start.apply(grains), volume=(CELL / 2) ** 3)],
-                        colliders=[mpm.Collider(ladle.head_shell(), friction=0.1, pose=start)])
+                        colliders=[mpm.Collider(ladle.head_shell, friction=0.1, pose=start)])
     solver.advance(0.15)
     held = solver.positions() - start.position
     assert np.linalg.norm(held, axis=1).max() < MIDDLE + 1e-3 and held[:, 2].max() < 5e-3

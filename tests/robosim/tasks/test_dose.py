@@ -23,10 +23,9 @@ from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.scene.grains import grain_volume
 from robosim.tasks.actions import ActionScaling
-from robosim.tasks.dosing import load_mass
 from robosim.tasks.handover import Load, task_with_load
 from robosim.tasks.objective import build_objective
-from robosim.tasks.outcome import REST, Dose, build_reward
+from robosim.tasks.outcome import REST, Dose, build_reward, load_mass
 from robosim.tasks.task import TaskConfig, load_task
 
 GRAIN = 1e-4

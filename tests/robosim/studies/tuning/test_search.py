@@ -39,7 +39,7 @@ class Processes(StandIn):
     @staticmethod
     def _episode(numbers: DosingNumbers, controller: str, seed: int) -> dict[str, Any]:
         target = (5e-3, 20e-3, 45e-3)[seed % 3]
-        dose = Dose(make_controller(controller, numbers, numbers.curve, Plant.dt), Plant(shifted(SALT, 0.0), seed),
+        dose = Dose(make_controller(controller, numbers, Plant.dt), Plant(shifted(SALT, 0.0), seed),
                     target)
         return {"seed": seed, "is_success": abs(dose.error) < 0.3e-3, "diverged": "", "target_mass": target,
                 "accepted_error": accepted_error(target), "poured": target + dose.error, "dose_error": dose.error,

@@ -5,7 +5,7 @@ import pytest
 from bundled import plan_of, rehearsal
 
 from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
-from robosim.cell.dosing_stage import DosingStage
+from robosim.cell.dosing_driver import DosingDriver
 from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
 from robosim.dosing.pour_curve import PourCurve
 from robosim.planning.clearance import Clearances
@@ -25,26 +25,26 @@ def plan() -> Plan:
 
 
 class Stage:
-    """A stage with a plant in place of the grains: what the largest tilt so far has poured, without any delay."""
+    """A driver with a plant in place of the grains: what the largest tilt so far has poured, without any delay."""
 
     def __init__(self, plan: Plan, controller: object = None, most: float = 60.0, *settings: str,
                  latency: float = 0.0) -> None:
         config = plan.config.model_copy(update={"dose": rehearsal("dose_spoon", *settings).dose})
         self.q = plan.motion.state(plan.path.rests["over"][1]).q
-        self.stage = DosingStage(config, plan.arm, self.q, self.weigh, latency=latency,
-                                 controller=controller)  # pyright: ignore[reportArgumentType]
-        self.largest, self.time = 0.0, 7.5
-        self.stage.start(self.time, SALT.load)
+        self.driver = driver = DosingDriver(
+            plan._replace(config=config), lambda: (self.weigh(), SALT.load), latency=latency,
+            controller=controller)  # pyright: ignore[reportArgumentType]
+        self.largest, self.time = 0.0, driver.due
         self.states: list[JointState] = []
         self.commanded, self.reached, self.amplitudes = [], [], []
-        while self.stage.is_running and self.time < 7.5 + most:
-            self.states.append(self.stage.step(self.time))
-            self.largest = max(self.largest, self.stage.motion.tilt)
-            if self.stage.done is None and len(self.states) % 20 == 0:
-                self.commanded.append(self.stage.motion.pose().apply(self.stage.motion._local[None])[0])
+        while driver.end is None and self.time < driver.due + most:
+            self.states.append(driver.command(self.time))
+            self.largest = max(self.largest, driver.tool.tilt)
+            if driver.done is None and len(self.states) % 20 == 0:
+                self.commanded.append(driver.tool.pose().apply(driver.tool._local[None])[0])
                 pose = plan.arm.tool_pose(self.states[-1].q)
-                self.reached.append(pose.apply(self.stage.motion._local[None])[0])
-                self.amplitudes.append(self.stage.motion.amplitude)
+                self.reached.append(pose.apply(driver.tool._local[None])[0])
+                self.amplitudes.append(driver.tool.vibration.amplitude)
             self.time += config.host_dt
 
     def weigh(self) -> float:
@@ -59,7 +59,7 @@ def dosed(plan: Plan) -> Stage:
 
 def test_pi_doses_on_the_arm(dosed: Stage) -> None:
     """Within the accepted error, shown as it is after the tare."""
-    stage = dosed.stage
+    stage = dosed.driver
     error = dosed.weigh() - TARE - stage.target
     assert stage.end is not None and not stage.is_late
     assert abs(error) <= accepted_error(stage.target)
@@ -105,10 +105,10 @@ def test_a_controller_that_never_ends_is_stopped(plan: Plan) -> None:
     """At the time limit the tool is tilted back; before, no tilt is beyond the checked range."""
     controller = Restless()
     run = Stage(plan, controller, 60.0, "dose.time_limit=6", "dose.settle=0.5")
-    tilts = np.array([sample.tilt for sample in run.stage.samples])
-    assert run.stage.is_late and run.stage.end is not None
-    assert tilts.max() == pytest.approx(np.radians(100.0)) and run.stage.motion.tilt == 0.0
-    assert dose_figures(run.stage, 0.05, 1e-4)["dosing_timed_out"] is True
+    tilts = np.array([sample.tilt for sample in run.driver.samples])
+    assert run.driver.is_late and run.driver.end is not None
+    assert tilts.max() == pytest.approx(np.radians(100.0)) and run.driver.tool.tilt == 0.0
+    assert dose_figures(run.driver, 0.05, 1e-4)["dosing_timed_out"] is True
     times = np.array([sight.time for sight in controller.sights])
     assert np.diff(times) == pytest.approx(0.02, abs=1e-9) and times[0] == 0.0
     assert controller.sights[0].shown == pytest.approx(0.0, abs=5e-5)  # tared

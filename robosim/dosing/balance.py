@@ -26,10 +26,7 @@ class Balance(NamedTuple):
         return {"shown": mass, "time": time}
 
     def read(self, memory: Memory, time: float, mass: float, rng: np.random.Generator, tare: float = 0.0) -> float:
-        """Return what it shows [kg] at a time [s] with a mass [kg] on it, less the tare [kg], and update the memory.
-
-        Times do not fall from reading to reading; the zero moves by slope x time.
-        """
+        """Return what it shows [kg] at a time [s], which does not fall, with a mass [kg] on it, less the tare [kg]."""
         gain = 1.0 if self.lag == 0.0 else 1.0 - np.exp(-(time - memory["time"]) / self.lag)
         memory |= {"shown": memory["shown"] + gain * (mass - memory["shown"]), "time": time}
         shown = memory["shown"] - tare

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from robosim.instruments.balance import Balance
+from robosim.dosing.balance import Balance
 
 
 def test_the_filter_does_not_depend_on_the_interval_of_readings() -> None:

@@ -1,4 +1,0 @@
-"""Measuring instruments: what they show of a true value.
-
-Imports: nothing of the project.
-"""
