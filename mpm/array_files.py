@@ -20,13 +20,11 @@ MAX_ARRAYS = 64 * 2**20
 """Bytes of the arrays of a motion or a policy: a network of 2000 x 2000 units has 32 MB."""
 MAX_STATE = 2**30
 """Bytes of the arrays of a state or of a rollout: 10 million grains, or 100 frames of 800 000."""
-MAX_MEMBERS = 1000
-"""Arrays of a file; a state has about 20."""
+MAX_MEMBERS = 1000  # arrays of a file; a state has about 20
 HEADER = re.compile(rb"\{'descr': '([<>|=]?[biufUS]\d{1,9})', 'fortran_order': (True|False), "
                     rb"'shape': \(((?:\d{1,19}, ?)*(?:\d{1,19})?)\), *\} *\n")
 """Header of an array of truth values, numbers or text, as numpy writes it; no objects, which would execute code."""
-MAX_HEADER = 1000
-"""Bytes of a header; those of numpy have 118."""
+MAX_HEADER = 1000  # bytes of a header; those of numpy have 118
 BROKEN = (OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, OverflowError,
           zipfile.BadZipFile, zlib.error, struct.error)
 """What numpy and zipfile raise for damaged files; RuntimeError: for encrypted ones, among others."""

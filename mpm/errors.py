@@ -106,8 +106,7 @@ class SimulationDiverged(MpmError):
     Attributes: time [s], step (substeps since the start), particle (index of the fastest, or of one that is not
     finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile collider whose
     motion is not finite, or None), diagnostics (`mpm.Diagnostics`), state (at that time, as of `Solver.state`; a
-    solver itself returns to where it was before the advance).
-    """
+    solver itself returns to where it was before the advance)."""
 
     diagnostics: object = None
     state: Any = None
@@ -127,8 +126,7 @@ class GradientDiverged(MpmError):
     """A derivative is not finite.
 
     Attributes: step (of the rollout), substep (of the step), quantity (part of the state with this derivative),
-    particle (index; -1: not of a particle), norms (n_steps, 2) as in `Gradients`, zero for steps not reached.
-    """
+    particle (index; -1: not of a particle), norms (n_steps, 2) as in `Gradients`, zero for steps not reached."""
 
     norms: Any = None
 

@@ -12,8 +12,7 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
     """Return `__getattr__`, `__dir__` and `__all__` of a package.
 
     The names are those that the package's `__init__`, `file`, imports under `if TYPE_CHECKING:`, so that each stands in
-    one place, which type checkers read too. A name is imported at its first use and remembered.
-    """
+    one place, which type checkers read too. A name is imported at its first use and remembered."""
     tree = ast.parse(Path(file).read_text(encoding="utf-8"))
     guarded = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
     module_of = {alias.name: line.module for node in guarded for line in node.body

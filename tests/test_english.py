@@ -8,9 +8,10 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("mpm", "robosim", "policies")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 PAGES = [*ROOT.glob("*.md"), *(p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts)]
-OVERRIDES = {"at", "at_back", "distance", "is_beyond", "least_thickness", "allocate", "node",
-             "nearest_normals"}
-"""Methods of shapes and laws that a protocol describes once."""
+OVERRIDES = {"at", "at_back", "distance", "is_beyond", "least_thickness", "allocate", "node", "nearest_normals",
+             "signature", "stress", "energy_density", "return_mapping", "return_mapping_back", "mirror", "slide",
+             "slide_back"}
+"""Methods of shapes, laws and walls that a protocol describes once."""
 CLASSES = {node.name: node for path in FILES for node in ast.parse(path.read_text()).body
            if isinstance(node, ast.ClassDef)}
 HISTORY = "CHANGELOG.md"

@@ -41,14 +41,10 @@ class Group:
         _groups.discard(self)
 
 
-_groups: set[Group] = set()
-"""Groups of fields that are laid out."""
-_unused: list[Group] = []
-"""Groups that wait to be freed by the next `allocating`."""
-_present: Group | None = None
-"""The group that fields are being added to."""
-_waiting: list[Callable[[], None]] = []
-"""Actions on fields that wait until their group is laid out."""
+_groups: set[Group] = set()  # groups of fields that are laid out
+_unused: list[Group] = []  # groups that wait to be freed by the next `allocating`
+_present: Group | None = None  # the group that fields are being added to
+_waiting: list[Callable[[], None]] = []  # actions on fields that wait until their group is laid out
 
 
 @contextlib.contextmanager

@@ -12,8 +12,7 @@ from mpm.backend.allocation import Group, allocating
 from mpm.backend.session import default_precision, present_program
 from mpm.errors import InvalidValue
 
-IDLE_BYTES = 500_000_000
-"""Memory [bytes] that fields of closed solvers may take."""
+IDLE_BYTES = 500_000_000  # memory [bytes] that fields of closed solvers may take
 
 
 class Assembly:
@@ -25,8 +24,7 @@ class Assembly:
         self._groups: list[Group] = []
         self._idle: dict[Hashable, list[Any]] = {}
         self._taken: list[tuple[Hashable, Any]] = []
-        self.shared: dict[Hashable, Any] = {}
-        """What was made once for all who ask, by key."""
+        self.shared: dict[Hashable, Any] = {}  # what was made once for all who ask, by key
         _all.add(self)
 
     def take(self, key: Hashable, make: Callable[[], Any]) -> Any:
@@ -73,10 +71,8 @@ class Assembly:
         self.shared.clear()
 
 
-_all: "weakref.WeakSet[Assembly]" = weakref.WeakSet()
-"""Assemblies in use or idle."""
-_idle: list[Assembly] = []
-"""Assemblies that nobody uses, the longest unused first."""
+_all: "weakref.WeakSet[Assembly]" = weakref.WeakSet()  # assemblies in use or idle
+_idle: list[Assembly] = []  # assemblies that nobody uses, the longest unused first
 
 
 def take_assembly(key: Hashable, precision: str) -> Assembly:

@@ -7,13 +7,11 @@ import tempfile
 import time
 from pathlib import Path
 
-BLOCK = 4096
-"""Bytes written to see whether a folder takes any."""
+BLOCK = 4096  # bytes written to see whether a folder takes any
 KERNEL_LOCK, STALE = "ticache.lock", 60.0
 """Taichi's lock on a folder of kernels, a file that is there for less than a second; age [s] from which it is no
 longer anybody's."""
-_is_reported = False
-"""Whether this process has said where its caches are instead."""
+_is_reported = False  # whether this process has said where its caches are instead
 
 
 def writable_folder(wanted: Path | None, name: str) -> Path:

@@ -10,8 +10,7 @@ import numpy as np
 
 from mpm.backend.session import check_owner, present_program, ti
 
-NUMBERS = {"set_arg_int": int, "set_arg_float": float}
-"""How Taichi is given a number, and what it is before."""
+NUMBERS = {"set_arg_int": int, "set_arg_float": float}  # how Taichi is given a number, and what it is before
 
 
 class Launcher:

@@ -40,8 +40,7 @@ class Owner:
         self._fields: WeakSet[Any] = WeakSet()
         self._is_forked = False
         """Whether this process was forked from one that used the field, and has not started it again."""
-        self._cannot_start = ""
-        """Why a forked process cannot start the backend."""
+        self._cannot_start = ""  # why a forked process cannot start the backend
         self._guard()
         if hasattr(os, "register_at_fork"):
             os.register_at_fork(after_in_child=self._leave_parent)

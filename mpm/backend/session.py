@@ -65,8 +65,7 @@ def init(*, arch: str | None = None, precision: str | None = None, threads: int 
 
     A second call with the same arguments does nothing. With other arguments it raises BackendError, because it would
     invalidate all existing fields; so does "cuda" or "vulkan" without a device. The thread that calls it is the only
-    one that can use `mpm` from then on.
-    """
+    one that can use `mpm` from then on."""
     found = _session or DEFAULT
     arch, precision = arch or found.arch, precision or found.precision
     threads = found.threads if threads is None else threads

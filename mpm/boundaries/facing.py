@@ -26,8 +26,7 @@ cells only, a heavier one to 0.05 cells."""
 SHARP = 0.85
 """Depth at a small distance behind the closest place of a solid, relative to that distance, below which this place lies
 on an edge. It is 1 behind a face and 0.7 behind a right angle."""
-BEHIND = 0.25
-"""This distance [cells]."""
+BEHIND = 0.25  # this distance [cells]
 
 
 class GridNodes:

@@ -6,8 +6,7 @@ where it leaves as fast as the law's flow through the effective opening; so the 
 particle is. What this changes of the momentum of the particles is credited to the shell.
 
 While a hole flows, the shell's face around it recedes for the nodes, as fast as the flow asks or faster: nodes at rest
-would hold up the bed over a cavity of two cells.
-"""
+would hold up the bed over a cavity of two cells."""
 
 import math
 
@@ -29,8 +28,7 @@ SMOOTHING = 4e-3
 """Time constant [s] over which a shell's acceleration is averaged: a host gives its motion in steps of 1 to 2 ms."""
 MEMORY = 0.1
 """Time constant [s] over which the square of this acceleration is averaged: two periods of 20 Hz."""
-PATCH = 1.0
-"""Cells around the disc of a hole in which the face recedes while it flows."""
+PATCH = 1.0  # cells around the disc of a hole in which the face recedes while it flows
 SURPLUS = 2.0
 """How much faster the face recedes than the flow asks, because a patch of few nodes has no exact area: the bed's own
 pressure holds it back."""
@@ -41,12 +39,9 @@ TURN = 0.618034
 holes do not pass their particles at once. The golden ratio leaves no large gaps for any number of holes."""
 UNCOVERED, BLOCKED = -1, -2
 """What `find_next` returns where no particle covers a hole, and where one does that another blocks."""
-DIAMETER, OPENING, DISCHARGE, AVALANCHE, VIBRATION, OUTER = range(6)
-"""Columns of `OrificeFields.numbers`."""
-DUE = 3
-"""Lane of a hole's first pack: mass due."""
-SQUARE, PRESENT, PASSED, RECEDING = range(4)
-"""Lanes of its second pack."""
+DIAMETER, OPENING, DISCHARGE, AVALANCHE, VIBRATION, OUTER = range(6)  # columns of `OrificeFields.numbers`
+DUE = 3  # lane of a hole's first pack: mass due
+SQUARE, PRESENT, PASSED, RECEDING = range(4)  # lanes of its second pack
 
 
 @ti.func

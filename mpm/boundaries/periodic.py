@@ -6,8 +6,7 @@ from mpm.scene.grid import BLOCK, GHOST
 from mpm.state.active_blocks import activate
 from mpm.state.nodes import in_first_layer, node_of
 
-BEYOND = 2
-"""Nodes that stencils of particles inside reach beyond a side, at most."""
+BEYOND = 2  # nodes that stencils of particles inside reach beyond a side, at most
 
 
 @ti.func

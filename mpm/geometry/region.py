@@ -8,8 +8,7 @@ import numpy as np
 class Region(NamedTuple):
     """A box along the axes of its frame; with `round`, an upright cylinder with an elliptic base.
 
-    half: half sizes [m] (3,); infinite ones leave the axis out.
-    """
+    half: half sizes [m] (3,); infinite ones leave the axis out."""
 
     centre: tuple[float, float, float]
     half: tuple[float, float, float]

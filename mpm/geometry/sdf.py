@@ -12,8 +12,7 @@ from mpm.geometry.sampled_sdf import Lattice
 from mpm.geometry.shape import check_sizes
 from mpm.geometry.union import Union
 
-MAX_LATTICE = 40_000_000
-"""Lattice points beyond which a spacing is refused: 160 MB."""
+MAX_LATTICE = 40_000_000  # lattice points beyond which a spacing is refused: 160 MB
 
 
 class Sdf:
@@ -27,8 +26,7 @@ class Sdf:
                   margin: float = 4e-3) -> Lattice:
         """Return the lattice of the union of closed meshes, with `spacing` [m], and `margin` [m] around them.
 
-        Raises InvalidValue for an open mesh, and for a spacing that needs too many lattice points.
-        """
+        Raises InvalidValue for an open mesh, and for a spacing that needs too many lattice points."""
         check_sizes("Sdf.from_mesh", "spacing", spacing)
         check_sizes("Sdf.from_mesh", "margin", margin)
         parts = mesh if isinstance(mesh, list) else [mesh]

@@ -31,7 +31,6 @@ class Union(Shape):
             solid.lay_out()
 
     def signature(self) -> Hashable:
-        """Return what two such shapes share that kernels cannot tell apart."""
         return sign(self, *[solid.signature() for solid in self.solids])
 
     @ti.func

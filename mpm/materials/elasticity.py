@@ -86,14 +86,12 @@ class NeoHookean(Hencky):
     state = "cauchy_green"
 
     def energy_density(self, stretches: np.ndarray) -> np.ndarray:
-        """Return the elastic energy [J/m^3] (n,) at principal stretches (n, 3)."""
         swelling = np.log(stretches).sum(1)
         return self.mu * (0.5 * ((stretches**2).sum(1) - 3.0) - swelling) + 0.5 * self.lam * swelling**2
 
     @staticmethod
     @ti.func
     def stress(e: ti.template(), p: ti.template()):
-        """Return the Kirchhoff stress [Pa], six entries."""
         return combine(p[0], 0.5 * p[1] * ti.log(1.0 + determinant_minus_one(e)), e)
 
     @staticmethod
@@ -115,14 +113,12 @@ class FixedCorotated(Hencky):
     state = "cauchy_green"
 
     def energy_density(self, stretches: np.ndarray) -> np.ndarray:
-        """Return the elastic energy [J/m^3] (n,) at principal stretches (n, 3)."""
         swelling = stretches.prod(1) - 1.0
         return self.mu * ((stretches - 1.0) ** 2).sum(1) + 0.5 * self.lam * swelling**2
 
     @staticmethod
     @ti.func
     def stress(e: ti.template(), p: ti.template()):
-        """Return the Kirchhoff stress [Pa], six entries."""
         stretch = square_root(e)
         J = ti.sqrt(1.0 + determinant_minus_one(e))
         volumetric = p[1] * (J - 1.0) * J
@@ -157,8 +153,7 @@ def Elastic(*, E: float, nu: float, density: float, model: str = "hencky") -> He
     """Make an elastic material by the name of its law.
 
     E: Young's modulus [Pa]. nu: Poisson's ratio. density: [kg/m^3]. model: "hencky", "neo_hookean" or
-    "fixed_corotated". Raises UnknownName, and InvalidValue for a number out of range.
-    """
+    "fixed_corotated". Raises UnknownName, and InvalidValue for a number out of range."""
     if model not in ELASTIC_MODELS:
         raise UnknownName("elastic model", model, ELASTIC_MODELS)
     return ELASTIC_MODELS[model](E=E, nu=nu, density=density)

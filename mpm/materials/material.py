@@ -6,12 +6,9 @@ from typing import Any, Protocol
 
 from mpm.errors import InvalidValue
 
-PARAMETERS = 8
-"""The most numbers that a law may hand to the kernels."""
-MAPPED = ("h", "vc", "p", "dt")
-"""What a return mapping is given."""
-STATES = ("hencky", "cauchy_green", "volume")
-"""What a particle may remember, see `Material.state`."""
+PARAMETERS = 8  # the most numbers that a law may hand to the kernels
+MAPPED = ("h", "vc", "p", "dt")  # what a return mapping is given
+STATES = ("hencky", "cauchy_green", "volume")  # what a particle may remember, see `Material.state`
 
 
 class Material(Protocol):
@@ -49,8 +46,7 @@ class Material(Protocol):
     energy_density(stretches) -> elastic energy [J/m^3] (n,) at principal stretches (n, 3), for NumPy arrays; not
         for the state "volume".
     stress_back(state, p, tau_bar) -> (state_bar, p_bar), and return_mapping_back(h, vc, p, dt, h_bar, vc_bar, soft)
-        -> (h_bar, vc_bar, p_bar): the adjoints, which only differentiable rollouts need.
-    """
+        -> (h_bar, vc_bar, p_bar): the adjoints, which only differentiable rollouts need."""
 
     @property
     def density(self) -> float:
@@ -62,8 +58,7 @@ class Material(Protocol):
         """What a particle remembers and `stress` is given.
 
         "hencky": h = log(b) / 2, kept as e = b - I; "cauchy_green": e = b - I, with b the elastic left Cauchy-Green
-        tensor; "volume": j = J - 1, with J the volume ratio.
-        """
+        tensor; "volume": j = J - 1, with J the volume ratio."""
         ...
 
     @property

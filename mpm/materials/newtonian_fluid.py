@@ -15,8 +15,7 @@ RATES = ("particle", "cell")
 class NewtonianFluid:
     """Newtonian fluid: tau = bulk_modulus (J - 1) J I + 2 viscosity J dev(D), D the rate of deformation [1/s].
 
-    Raises InvalidValue for arguments out of range, UnknownName for a volume_rate that is not in RATES.
-    """
+    Raises InvalidValue for arguments out of range, UnknownName for a volume_rate that is not in RATES."""
 
     bulk_modulus: float
     """Bulk modulus [Pa]."""

@@ -18,8 +18,7 @@ from mpm.scene.validation import read_array
 SHORTEST = 1000
 """How often a dt may be divided for a fast collider; one that needs more is a mistake, or diverges."""
 REST = Twist(np.zeros(3), np.zeros(3))
-Leg = tuple[Pose, Twist]
-"""Pose at the begin, and the body twist that carries it to the end in unit time."""
+Leg = tuple[Pose, Twist]  # pose at the begin, and the body twist that carries it to the end in unit time
 
 
 class ColliderPaths:
@@ -31,8 +30,7 @@ class ColliderPaths:
         self._size = float(np.linalg.norm(grid.cells * grid.cell))
         self.poses = [collider.pose for collider in colliders]
         self.pending: dict[int, tuple[Pose, ...]] = {}
-        self._jumped: set[int] = set()
-        """Colliders of whose jump was warned."""
+        self._jumped: set[int] = set()  # colliders of whose jump was warned
 
     def set(self, index: int, begin: Pose, ends: tuple[Pose, ...], is_jump: bool = False) -> None:
         """Give a collider its path through the next advance; raises InvalidValue for one that cannot move.

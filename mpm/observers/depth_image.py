@@ -7,8 +7,7 @@ import numpy as np
 from mpm.backend import default_precision, is_shared, session_precision, ti
 from mpm.backend.launching import Launcher
 
-FAR = np.float32(np.inf)
-"""Depth [m] of a pixel that sees nothing."""
+FAR = np.float32(np.inf)  # depth [m] of a pixel that sees nothing
 
 
 class Lens(NamedTuple):

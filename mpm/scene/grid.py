@@ -52,8 +52,7 @@ class Grid:
     def check_inside(self, positions: np.ndarray, what: str = "", tolerance: float = 0.0) -> None:
         """Raise InvalidValue when a position [m] (n, 3) lies outside the walls, by more than `tolerance` cells.
 
-        what: where the positions were given, for the message.
-        """
+        what: where the positions were given, for the message."""
         lower, slack = np.asarray(self.lower), tolerance * self.cell
         upper = lower + self.cells * self.cell
         outside = np.flatnonzero(np.any((positions < lower - slack) | (positions > upper + slack), axis=1))

@@ -12,8 +12,7 @@ from mpm.scene.validation import check_finite, read_real
 
 ROUNDS = 30
 """Fixed-point rounds for the change of volume under a stress; each multiplies its error by a strain."""
-LARGEST_STRAIN = 0.3
-"""Logarithmic strain up to which a stress is accepted."""
+LARGEST_STRAIN = 0.3  # logarithmic strain up to which a stress is accepted
 COLUMN = 2.0
 """Width of the columns in which a bed's depth is measured, in edges of a particle's cube."""
 
@@ -26,8 +25,7 @@ def geostatic_stress(positions: np.ndarray, volume: float, material: Material, *
     volume: of a particle [m^3]. lateral: horizontal stress in the vertical one; None: 1 - sin(friction angle) for a law
     with one (Jaky 1944, J. Soc. Hungarian Architects and Engineers), 1 for a fluid, nu / (1 - nu) for other solids, as
     between sides that do not give way. A bed that begins so need not settle, but for slopes, and for sides that carry a
-    part of its weight. Raises InvalidValue.
-    """
+    part of its weight. Raises InvalidValue."""
     points = read_real("geostatic_stress: positions", positions, "real numbers [m], shape (n, 3)")
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0 or not np.isfinite(points).all():
         raise InvalidValue(f"geostatic_stress: positions have shape {points.shape}; accepted: finite, (n, 3), n >= 1")

@@ -28,8 +28,7 @@ class Orifice:
     amplitude a and angular frequency w of a w^2 >= `vibration` times gravity, and when it is not loaded any more.
 
     Source: Beverloo, Leniger & van de Velde 1961, Chem. Eng. Sci. 15:260. Raises InvalidValue for shapes that do not
-    match and numbers out of range.
-    """
+    match and numbers out of range."""
 
     positions: np.ndarray
     """Centres of the holes [m] (n, 3) on the mid-surface, in the collider's frame."""
@@ -90,6 +89,5 @@ class Orifice:
     def rate(self, density: float, gravity: float = 9.81) -> float:
         """Return the mass [kg/s] that one hole passes while it is covered and not jammed.
 
-        density: bulk density [kg/m^3]. gravity: component along the hole's axis [m/s^2].
-        """
+        density: bulk density [kg/m^3]. gravity: component along the hole's axis [m/s^2]."""
         return self.C * density * math.sqrt(max(gravity, 0.0)) * self.opening**2.5

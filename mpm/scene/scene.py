@@ -15,15 +15,12 @@ from mpm.scene.grid import Grid
 from mpm.scene.validation import check_finite, describe
 from mpm.scene.walls import Walls
 
-Interval = float | Literal["strides"] | None
-"""Accepted values of `Numerics.transfer_interval`."""
+Interval = float | Literal["strides"] | None  # accepted values of `Numerics.transfer_interval`
 Contact = Literal["near", "touching"]
 CONTACTS = ("near", "touching")
 """Nodes that a solid stops: all that are near it, or those whose material touches one of its faces."""
-LARGEST_SLEEP = 100.0
-"""Largest accepted value of `Numerics.sleep`."""
-DOWN = (0.0, 0.0, -9.81)
-"""Default gravity [m/s^2]."""
+LARGEST_SLEEP = 100.0  # largest accepted value of `Numerics.sleep`
+DOWN = (0.0, 0.0, -9.81)  # default gravity [m/s^2]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,8 +46,7 @@ class WallCondition(Protocol):
         normal; mass: of the node [kg]; push: impulse [N s], 0 or more, with which the wall pushes in this substep of
         dt [s].
     slide_back(t, n, mass, push, dt, p, bar) -> (t_bar, mass_bar, push_bar): the adjoint of `slide`, which only
-        differentiable rollouts need. That of `mirror` follows from `mirror`.
-    """
+        differentiable rollouts need. That of `mirror` follows from `mirror`."""
 
     @property
     def separable(self) -> bool:
@@ -106,19 +105,16 @@ class Stick(Slip):
     @staticmethod
     @ti.func
     def mirror(t, mass, p):
-        """Return the tangential part of the mirror image."""
         return -t
 
     @staticmethod
     @ti.func
     def slide(t, n, mass, push, dt, p):
-        """Return the tangential velocity [m/s] that a node on the wall keeps."""
         return 0.0 * t
 
     @staticmethod
     @ti.func
     def slide_back(t, n, mass, push, dt, p, bar):
-        """Return the adjoints of t, mass and push."""
         return 0.0 * bar, 0.0 * mass, 0.0 * push
 
 
@@ -141,14 +137,12 @@ class Friction(Slip):
     @staticmethod
     @ti.func
     def slide(t, n, mass, push, dt, p):
-        """Return the tangential velocity [m/s] that a node on the wall keeps."""
         # the momentum of a node at the very edge of a stencil can underflow
         return ti.max(1.0 - p[0] * push / ti.max(mass * t.norm(1e-15), SMALLEST_MOMENTUM), 0.0) * t
 
     @staticmethod
     @ti.func
     def slide_back(t, n, mass, push, dt, p, bar):
-        """Return the adjoints of t, mass and push."""
         t_bar, mass_bar, push_bar = bar, 0.0 * mass, 0.0 * push
         speed = t.norm(1e-15)
         left = 1.0 - p[0] * push / ti.max(mass * speed, SMALLEST_MOMENTUM)

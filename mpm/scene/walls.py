@@ -31,8 +31,7 @@ class Walls:
     - "stick": zero velocity.
     - "periodic": particles that leave on one side enter on the other; colliders are not repeated.
 
-    Or a condition of your own, see `mpm.scene.wall_condition.WallCondition`.
-    """
+    Or a condition of your own, see `mpm.scene.wall_condition.WallCondition`."""
 
     friction: float = 0.5
     """Friction coefficient of the sides with the condition "friction"."""

@@ -19,8 +19,7 @@ from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.scene import Scene
 
-CELLS_IN_A_PASSAGE = 4
-"""Cells that particles need between two walls to flow."""
+CELLS_IN_A_PASSAGE = 4  # cells that particles need between two walls to flow
 CELLS_IN_A_SOLID = 2
 """Cells of a static solid's thickness that keep the nodes on its two sides apart. Moving solids stop particles, too."""
 STRONG = 0.1
@@ -31,8 +30,7 @@ reaches half of that."""
 NEAR, FAR = 0.6, 1.6
 """Distances to the second neighbour that are accepted, in edges of a particle's cube: 1 in a lattice, 0.9 in a jittered
 one, 0.74 at random, 1.1 in a close packing."""
-LATTICE = 8
-"""Fewest particles that have a spacing."""
+LATTICE = 8  # fewest particles that have a spacing
 PLACES, WINDOW = 4, 200
 """How many places of a body its spacing is measured at, and the particles around each."""
 

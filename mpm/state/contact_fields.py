@@ -17,8 +17,7 @@ from mpm.state.packs import LANES, Packs
 TOLERANCE = {"f32": 1e-5, "f64": 1e-11}
 """Error at which a contact solve ends, relative to the change of twist by contact."""
 
-ALWAYS = 1e30
-"""Volume [m^3] of an avalanche that never ends."""
+ALWAYS = 1e30  # volume [m^3] of an avalanche that never ends
 
 
 class StaticContact:
@@ -29,8 +28,7 @@ class StaticContact:
         """Normal and signed distance [m] of the collider that owns the node."""
         self.owner = ti.field(ti.i32, grid.shape)
         """Index plus one of the collider whose contact the node takes; 0: none."""
-        self.owned = ti.field(ti.i32, tuple(n // BLOCK for n in grid.shape))
-        """1 where a node of the block has an owner."""
+        self.owned = ti.field(ti.i32, tuple(n // BLOCK for n in grid.shape))  # 1 where a node of the block has an owner
 
 
 class ShellFields:
@@ -43,28 +41,20 @@ class ShellFields:
         """Plus or minus the closest shell's collider index plus one, by side; 0 beyond its rim and far from any."""
         self.shell = ti.field(ti.i32, grid.shape)
         """The closest shell's collider index plus one, beyond the rim too; 0 far from any."""
-        self.gap = ti.Vector.field(4, real, grid.shape)
-        """Normal towards the positive side and signed distance [m]."""
-        self.labelled = ti.field(ti.i32, tuple(n // BLOCK for n in grid.shape))
-        """Whether a block's nodes hold labels."""
-        self.count = ti.field(ti.i32, ())
-        """Particles on the list."""
-        self.slot = ti.Vector.field(2, ti.i32, n_particles)
-        """Pack and lane."""
+        self.gap = ti.Vector.field(4, real, grid.shape)  # normal towards the positive side and signed distance [m]
+        self.labelled = ti.field(ti.i32, tuple(n // BLOCK for n in grid.shape))  # whether a block's nodes hold labels
+        self.count = ti.field(ti.i32, ())  # particles on the list
+        self.slot = ti.Vector.field(2, ti.i32, n_particles)  # pack and lane
         self.place = ti.Vector.field(LANES, ti.i32, n_particles // LANES)
         """Place of each lane of a pack on the list, where it has a side."""
-        self.base = ti.Vector.field(3, ti.i32, n_particles)
-        """First node of the stencil."""
-        self.offset = ti.Vector.field(3, real, n_particles)
-        """Offset from it in cells."""
-        self.mass = ti.field(real, n_particles)
-        """[kg]"""
+        self.base = ti.Vector.field(3, ti.i32, n_particles)  # first node of the stencil
+        self.offset = ti.Vector.field(3, real, n_particles)  # offset from it in cells
+        self.mass = ti.field(real, n_particles)  # [kg]
         self.q = [ti.Vector.field(4, real, n_particles) for _ in range(4)]
         """Momentum and mass, and the columns of the affine momentum per cell."""
         self.entering = ti.field(ti.i32, n_particles if lists_entering else 1)
         """Places on the list of the particles that would enter a shell, where a GPU lists them for one thread."""
-        self.entering_order = ti.field(ti.i32, n_particles if lists_entering else 1)
-        """The same by particle."""
+        self.entering_order = ti.field(ti.i32, n_particles if lists_entering else 1)  # the same by particle
         self.entering_count = ti.field(ti.i32, ())
         self.entered = ti.Vector.field(4, real, n_particles)
         """Normal (3,) out of the shell that a particle's next move would take it into, and how deep [m]; or zeros."""
@@ -78,8 +68,7 @@ class ShellFields:
 class OrificeFields:
     """Small holes of shells: their places, the numbers of their law, and the state of each."""
 
-    name = "orifices"
-    """Name of the state in a snapshot of a solver."""
+    name = "orifices"  # name of the state in a snapshot of a solver
 
     def __init__(self, features: Features) -> None:
         real = real_type(features.precision)
@@ -94,8 +83,7 @@ class OrificeFields:
         """Two packs a hole. First: the shell's velocity there [m/s], smoothed, and the mass due [kg]. Second: square of
         its acceleration [m^2/s^4], smoothed, or -1 before the first stride; mass of the present avalanche, mass passed
         in all [kg], and speed [m/s] at which the face about the hole recedes."""
-        self.packs = ti.field(ti.i32, ())
-        """Packs of `state`."""
+        self.packs = ti.field(ti.i32, ())  # packs of `state`
         put(self.packs, np.array(2 * self.holes, np.int32))
         self._states = Packs([self.state], self.packs, np.float64)
 
@@ -132,12 +120,10 @@ class PenetratingParticles:
 
     def __init__(self, capacity: int, parts: int) -> None:
         self.count = ti.field(ti.i32, ())
-        self.particle = ti.Vector.field(4, ti.i32, capacity)
-        """Number of the moving solid, body, pack and lane."""
+        self.particle = ti.Vector.field(4, ti.i32, capacity)  # number of the moving solid, body, pack and lane
         self.part = ti.field(ti.i32, capacity)
         """Part of the packs that it is in; on a GPU, a number that says which comes first."""
-        self.order, self.begins = ti.field(ti.i32, capacity), ti.field(ti.i32, parts + 1)
-        """See `sort_by_part`."""
+        self.order, self.begins = ti.field(ti.i32, capacity), ti.field(ti.i32, parts + 1)  # see `sort_by_part`
 
 
 class MobileContact:
@@ -148,28 +134,20 @@ class MobileContact:
         real = real_type(precision)
         self.tolerance = TOLERANCE[precision]
         ends = np.cumsum(capacities)
-        self.first = [int(end - n) for end, n in zip(ends, capacities)]
-        """First place of each collider in the lists."""
-        self.count = ti.field(ti.i32, len(capacities))
-        """Nodes on each collider's list."""
-        self.sorts = parts > 0
-        """Whether the lists are sorted by part before they are used."""
+        self.first = [int(end - n) for end, n in zip(ends, capacities)]  # first place of each collider in the lists
+        self.count = ti.field(ti.i32, len(capacities))  # nodes on each collider's list
+        self.sorts = parts > 0  # whether the lists are sorted by part before they are used
         sorted_room = int(ends[-1]) if self.sorts else 1
         self.part, self.order = ti.field(ti.i32, sorted_room), ti.field(ti.i32, sorted_room)
-        self.begins = ti.field(ti.i32, parts + 1)
-        """See `sort_by_part`."""
+        self.begins = ti.field(ti.i32, parts + 1)  # see `sort_by_part`
         self.node = ti.Vector.field(3, ti.i32, int(ends[-1]))
-        self.normal = ti.Vector.field(3, real, int(ends[-1]))
-        """Out of the collider, in world axes."""
+        self.normal = ti.Vector.field(3, real, int(ends[-1]))  # out of the collider, in world axes
         self.recedes = recedes
         self.receding = ti.Vector.field(3, real, int(ends[-1]) if recedes else 1)
         """Velocity [m/s] of the face besides that of the collider, at an orifice that flows."""
-        self.slope = ti.field(ti.f64, (6, 6))
-        """Derivative of the impulse on the nodes by the collider's twist."""
-        self.impulse = ti.field(ti.f64, 6)
-        """What a team of threads sums up: impulse and torque."""
-        self.system = ti.field(ti.f64, (6, 7))
-        """Newton's equations, the right-hand side in the last column."""
+        self.slope = ti.field(ti.f64, (6, 6))  # derivative of the impulse on the nodes by the collider's twist
+        self.impulse = ti.field(ti.f64, 6)  # what a team of threads sums up: impulse and torque
+        self.system = ti.field(ti.f64, (6, 7))  # Newton's equations, the right-hand side in the last column
 
 
 @ti.func

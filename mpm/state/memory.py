@@ -12,10 +12,8 @@ from mpm.scene.grid import BLOCK, Grid
 from mpm.state.packs import LANES
 
 CGROUP = Path("/sys/fs/cgroup")
-MOST_NODES = 2**31 - 1
-"""Nodes that a field's 32-bit index reaches."""
-RESERVE = 0.9
-"""Share of the free memory that fields may take."""
+MOST_NODES = 2**31 - 1  # nodes that a field's 32-bit index reaches
+RESERVE = 0.9  # share of the free memory that fields may take
 
 
 def free_memory() -> int:

@@ -11,8 +11,7 @@ from mpm.scene.initial_stress import state_under
 from mpm.scene.validation import read_array
 from mpm.state.packs import LANES, Packs
 
-SPEED_LIMIT = 1.0
-"""Cells that a particle may travel in a substep before the run counts as diverged."""
+SPEED_LIMIT = 1.0  # cells that a particle may travel in a substep before the run counts as diverged
 AT_WALL = 1e-4
 """Cells from the plane of a wall within which a particle counts as held there: no pressure brings it so close."""
 
@@ -29,8 +28,7 @@ class ParticleFields:
         self.ranges = [(int(end - n), int(end)) for n, end in zip(packs, ends)]
         """First and last + 1 pack of each body: a pack never mixes materials."""
         self.n_packs = int(ends[-1])
-        self.n_lanes = self.n_packs * LANES
-        """Lanes of all packs, padding included."""
+        self.n_lanes = self.n_packs * LANES  # lanes of all packs, padding included
         self.range_table = ti.Vector.field(3, ti.i32, len(counts))
         """First and last + 1 pack of each body, and the filled lanes of its last pack, for kernels."""
         filled = [count - LANES * (n - 1) for count, n in zip(self.counts, packs)]
@@ -49,19 +47,15 @@ class ParticleFields:
         def pack_field():  # noqa: ANN202
             return ti.Vector.field(LANES, real, self.n_packs)
 
-        self.x = [pack_field() for _ in range(3)]
-        """Position relative to the grid's node (0, 0, 0) [m]."""
+        self.x = [pack_field() for _ in range(3)]  # position relative to the grid's node (0, 0, 0) [m]
         self.remainder = [pack_field() for _ in range(3)] if features.precision == "f32" else []
         """Displacement [m] that is smaller than `Fields.quantum`, and not yet part of the position; none in double
         precision."""
-        self.v = [pack_field() for _ in range(3)]
-        """Velocity [m/s]."""
-        self.C = [pack_field() for _ in range(9)]
-        """Affine velocity [1/s], row by row."""
+        self.v = [pack_field() for _ in range(3)]  # velocity [m/s]
+        self.C = [pack_field() for _ in range(9)]  # affine velocity [1/s], row by row
         self.e = [pack_field() for _ in range(6)] if features.tensor_state else []
         """b - I, with b the elastic left Cauchy-Green tensor."""
-        self.j = pack_field() if features.volume_state else None
-        """J - 1, with J the volume ratio of a fluid."""
+        self.j = pack_field() if features.volume_state else None  # J - 1, with J the volume ratio of a fluid
         self.vc = pack_field() if features.volume_correction else None
         """Volume correction: logarithmic expansion to be recovered."""
         self.acceleration = [pack_field() for _ in range(3)] if features.body_acceleration else []
@@ -74,16 +68,13 @@ class ParticleFields:
         """Time [s] for which the particle has been calm; it sleeps from the calm time on."""
         self.rest_place = [pack_field() for _ in range(4)] if features.sleep else []
         """Position [m] and change of volume at the begin of that time."""
-        self.volume = pack_field()
-        """Initial volume V0 [m^3]; zero in padding lanes."""
+        self.volume = pack_field()  # initial volume V0 [m^3]; zero in padding lanes
         self.half = pack_field() if features.moving_solids or features.shells else None
         """Half the edge of a particle's cube [m]; zero in padding lanes."""
         self.volumes = VolumeWriter(self)
-        self.index = np.zeros(sum(counts), int)
-        """Slot of each particle, in the order in which the bodies gave them."""
+        self.index = np.zeros(sum(counts), int)  # slot of each particle, in the order in which the bodies gave them
         state = [field for named in self.named_fields().values() for field in named]
-        self.state_fields = state
-        """All fields of the state, in the order of `named_fields`: x, v and C first."""
+        self.state_fields = state  # all fields of the state, in the order of `named_fields`: x, v and C first
         others = [field for field in (self.volume, self.half, self.gap) if field is not None]
         strain = [*self.e, *(field for field in (self.j, self.vc) if field is not None)]
         self.kept_strain = strain if features.sleep else []

@@ -7,8 +7,7 @@ from mpm.scene.grid import BLOCK
 from mpm.state.nodes import GridFields, first_nodes
 from mpm.state.packs import LANES
 
-ALL_LANES = 2**LANES - 1
-"""The bits of a pack all of whose lanes sleep."""
+ALL_LANES = 2**LANES - 1  # the bits of a pack all of whose lanes sleep
 AHEAD = 1.0
 """Cells that particles stay awake ahead of contact with a moving collider: what it presses on gives way far around."""
 CALM_TIME, CREEP, STRAIN, WAKE_DISPLACEMENT, CHECK_INTERVAL, FORCE, MASS, SUPPORT = range(8)
@@ -21,18 +20,13 @@ class Sleepers:
 
     def __init__(self, grid: GridFields, n_packs: int, n_bodies: int, precision: str) -> None:
         self._dtype = np.float64 if precision == "f64" else np.float32
-        self.calm_time = np.inf
-        """Time [s] for which a particle is calm before it sleeps, as the particles hold it."""
+        self.calm_time = np.inf  # time [s] for which a particle is calm before it sleeps, as the particles hold it
         self.lanes_asleep = ti.field(ti.i32, n_packs)
         """Lanes of each pack that sleep, a bit each; padding lanes always do."""
-        self.lanes_summed = ti.field(ti.i32, n_packs)
-        """Lanes whose contributions are in `sums`, a bit each."""
-        self.awake = ti.field(ti.i32, n_packs)
-        """Packs with a lane that is awake, in order."""
-        self.ranges = ti.Vector.field(2, ti.i32, n_bodies)
-        """First and last + 1 place of each body's packs in `awake`."""
-        self.count = ti.field(ti.i32, ())
-        """Number of packs in `awake`."""
+        self.lanes_summed = ti.field(ti.i32, n_packs)  # lanes whose contributions are in `sums`, a bit each
+        self.awake = ti.field(ti.i32, n_packs)  # packs with a lane that is awake, in order
+        self.ranges = ti.Vector.field(2, ti.i32, n_bodies)  # first and last + 1 place of each body's packs in `awake`
+        self.count = ti.field(ti.i32, ())  # number of packs in `awake`
         nodes = (grid.width, *grid.nodes.shape[1:])
         blocks = tuple(n // BLOCK for n in nodes)
         self.sums = ti.Vector.field(4, ti.i64, nodes)
@@ -40,10 +34,8 @@ class Sleepers:
         sums of integers do not depend on their order, and what is taken away leaves nothing behind."""
         self.contribution = ti.Vector.field(4, real_type(precision), nodes)
         """The same as force [N] and mass [kg], which phases read."""
-        self.changed = ti.field(ti.i32, blocks)
-        """1 where `contribution` is not up to date with `sums`."""
-        self.stencil_count = ti.field(ti.i32, blocks)
-        """How many sleepers' stencils reach each block."""
+        self.changed = ti.field(ti.i32, blocks)  # 1 where `contribution` is not up to date with `sums`
+        self.stencil_count = ti.field(ti.i32, blocks)  # how many sleepers' stencils reach each block
         self.near = ti.field(ti.i32, blocks)
         """Number of the last search that found a moving collider in reach of the block."""
         self.search = ti.field(ti.i32, ())
@@ -54,10 +46,8 @@ class Sleepers:
         """Number of the last sleep check before which stencils that begin in a block may have been disturbed."""
         self.path = ti.Vector.field(3, real_type(precision), nodes)
         """Displacement [m] of each node since the last sleep check."""
-        self.window = ti.field(ti.i32, nodes)
-        """Sleep check since which `path` counts."""
-        self.check = ti.field(ti.i32, ())
-        """Number of the last sleep check."""
+        self.window = ti.field(ti.i32, nodes)  # sleep check since which `path` counts
+        self.check = ti.field(ti.i32, ())  # number of the last sleep check
         self.is_disturbed = ti.field(ti.i32, ())
         """1 where some block is near a collider or has moved since the last sleep check."""
         self.version = ti.field(ti.i32, n_packs)

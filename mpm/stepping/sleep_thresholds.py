@@ -6,10 +6,8 @@ import numpy as np
 
 from mpm.scene.scene import Scene
 
-CHECK_CELLS = 3.0
-"""Cells that a pressure wave travels between two sleep checks."""
-CALM_CHECKS = 15
-"""Sleep checks for which a particle is calm before it sleeps."""
+CHECK_CELLS = 3.0  # cells that a pressure wave travels between two sleep checks
+CALM_CHECKS = 15  # sleep checks for which a particle is calm before it sleeps
 SPEED = 2.5e-3
 """Mean speed up to which a particle is calm, in sqrt(gravity cell): 0.5 mm/s in cells of 4 mm."""
 STRAIN = 0.1

@@ -6,8 +6,7 @@ stay where they are as long as they travel little. In a stride of several subste
 stress, gravity and contact in every one, and particles take up the rate of strain alone.
 
 Particles drift before the stride with the velocity that they bring to it, and after it with the one that they take
-from it, so that momentum and angular momentum are kept as by a single substep, and so is the path of free fall.
-"""
+from it, so that momentum and angular momentum are kept as by a single substep, and so is the path of free fall."""
 
 from mpm.backend import ti
 from mpm.errors import InvalidValue
@@ -17,8 +16,7 @@ from mpm.motion.mobile_motion import TWIST
 from mpm.scene.scene import Interval, Scene
 from mpm.state.packs import pack_at
 
-TRAVEL = 0.5
-"""Cells that a particle may travel in a stride."""
+TRAVEL = 0.5  # cells that a particle may travel in a stride
 LONGEST = 3.0
 """Default length of a stride, in largest stable substeps: a column's rim is then within 1 % of its reference at any
 Courant number. Longer strides gain nothing, and the column's crest sags."""

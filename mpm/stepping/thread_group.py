@@ -22,14 +22,10 @@ ARRIVALS, LONG_WAITS, ALONE = range(3)
 class ThreadGroup(NamedTuple):
     """One thread of a group; by default the only one."""
 
-    thread: Any = 0
-    """Number of this thread."""
-    threads: int = 1
-    """How many there are, and so how many parts phases have."""
-    numbers: Any = None
-    """See `ARRIVALS`; None for one thread."""
-    alone: Any = 0
-    """1 where the first thread works on all parts."""
+    thread: Any = 0  # number of this thread
+    threads: int = 1  # how many there are, and so how many parts phases have
+    numbers: Any = None  # see `ARRIVALS`; None for one thread
+    alone: Any = 0  # 1 where the first thread works on all parts
 
 
 @ti.func

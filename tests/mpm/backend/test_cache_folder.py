@@ -10,16 +10,14 @@ import pytest
 from mpm.backend import cache_folder
 from mpm.backend.cache_folder import user_cache_folder, writable_folder
 
-NO_FOLDER = Path("/dev/null/cache")
-"""Cannot be made by anybody, root included."""
+NO_FOLDER = Path("/dev/null/cache")  # cannot be made by anybody, root included
 USE = """import mpm, numpy as np
 from mpm.backend import allocating, put, ti
 mpm.init()
 with allocating():
     field = ti.field(ti.f32, 3)
     put(field, np.ones(3, np.float32))
-print(field.to_numpy().sum())"""
-"""Compiles two small kernels."""
+print(field.to_numpy().sum())"""  # compiles two small kernels
 
 
 @pytest.fixture

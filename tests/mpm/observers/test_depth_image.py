@@ -7,8 +7,7 @@ import trimesh
 from mpm.observers.depth_image import DepthImage, Lens, Parts
 
 LENS = Lens.from_fovy(64, 48, 50.0)
-AHEAD = np.array([[1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]], float)
-"""A part in the camera's own axes."""
+AHEAD = np.array([[1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]], float)  # A part in the camera's own axes
 
 
 def draw(triangles: np.ndarray, frames: np.ndarray = AHEAD, lens: Lens = LENS) -> np.ndarray:
