@@ -40,7 +40,7 @@ def make_training_environment(task: str, obs: str, action_repeat: int, **options
         make_environment(task, obs=obs, action_repeat=action_repeat, **options)
 
 
-def _make(task: str, name: str, **options: Any) -> gymnasium.Env:
+def _make(task: str, name: str, /, **options: Any) -> gymnasium.Env:
     try:
         return gymnasium.make(name, **options)
     except gymnasium.error.Error as error:
