@@ -17,9 +17,9 @@ CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["
 class Plot:
     """A plot of series of points, logarithmic by default."""
 
-    def __init__(self, title: str, x: str, y: str, *, logarithmic: bool = True) -> None:
+    def __init__(self, title: str, x: str, y: str, *, logarithmic: bool = True, height: int = 440) -> None:
         scale = "log" if logarithmic else "linear"
-        self.figure = Figure(layout={**LAYOUT, "title": {"text": title}, "height": 440,
+        self.figure = Figure(layout={**LAYOUT, "title": {"text": title}, "height": height,
                                      "xaxis": {"title": {"text": x}, "type": scale, "exponentformat": "power"},
                                      "yaxis": {"title": {"text": y}, "type": scale, "exponentformat": "power"}})
         self._series = 0
