@@ -1,7 +1,6 @@
 """The field: granular matter as a continuum, by the material point method (MLS-MPM).
 
-A public name is imported where it is first used, so that `import mpm` loads neither taichi nor numpy.
-"""
+A public name is imported where it is first used, so that `import mpm` loads neither taichi nor numpy."""
 
 from typing import TYPE_CHECKING
 
@@ -36,14 +35,13 @@ if TYPE_CHECKING:
     from mpm.geometry.rigid_motion import Pose, Twist, Wrench
     from mpm.geometry.sdf import Sdf
     from mpm.geometry.shell import Shell
-    from mpm.materials.drucker_prager import DruckerPrager
+    from mpm.materials.drucker_prager import DruckerPrager, MuIRheology
     from mpm.materials.elasticity import Elastic
-    from mpm.materials.mu_i_rheology import MuIRheology
     from mpm.materials.newtonian_fluid import NewtonianFluid
     from mpm.materials.von_mises import VonMises
     from mpm.observers.diagnostics import Diagnostics
+    from mpm.observers.reading_kernels import Sample
     from mpm.observers.region_counter import Counts, RegionCounter
-    from mpm.observers.sample import Sample
     from mpm.rollout.rollout import Rollout
     from mpm.scene.body import Body
     from mpm.scene.collider import Collider

@@ -9,10 +9,9 @@ from mpm.geometry.rigid_motion import Pose, Twist, Wrench, check_pose
 from mpm.materials.material import Material
 from mpm.observers import diagnostics
 from mpm.observers.diagnostics import Diagnostics, Energy
-from mpm.observers.progress import Momentum
-from mpm.observers.readings import received
+from mpm.observers.reading_kernels import Sample
+from mpm.observers.readings import Momentum, received
 from mpm.observers.region_counter import Counts, RegionCounter
-from mpm.observers.sample import Sample
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.grid import Grid
@@ -41,8 +40,7 @@ class Solver:
     - contact: solids stop all material within half a cell, "near", or only what lies at one of their faces, "touching".
 
     The last six are the fields of `numerics`. `readings` has further readings, `settings` further numbers that can be
-    set.
-    """
+    set."""
 
     def __init__(self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
                  gravity: tuple[float, float, float] = DOWN, walls: Walls | None = None,
@@ -170,8 +168,7 @@ class Solver:
     def set_collider_motion(self, index: int, begin: Pose, *ends: Pose, jump: bool = False) -> None:
         """Move a collider in the next advance by a screw motion from begin to end, or to ends at equal intervals.
 
-        jump: whether it may begin elsewhere than at `collider_pose`; otherwise that is reported (ColliderJumped).
-        """
+        jump: whether it may begin elsewhere than at `collider_pose`; otherwise that is reported (ColliderJumped)."""
         self.paths.set(index, begin, ends, jump)
 
     def set_collider_mobility(self, index: int, W: np.ndarray, free_twist: np.ndarray, *,
@@ -182,8 +179,7 @@ class Solver:
         W: mobility (6, 6): change of twist (linear, angular) per impulse (same order), in world axes about `centre`,
         symmetric and positive semi-definite. free_twist: twist (6,) at the end of the advance without contact. twist,
         pose: current ones; None: those at the end of the last advance. centre: [m] (3,); None: the frame's origin.
-        others: index of a mobile collider -> change (6, 6) of this twist per impulse on it. Raises InvalidValue.
-        """
+        others: index of a mobile collider -> change (6, 6) of this twist per impulse on it. Raises InvalidValue."""
         if index not in self.features.mobile:
             raise InvalidValue(f"collider {index} is not mobile; mobile: {self.features.mobile}")
         place = self.paths.poses[index] if pose is None else check_pose(f"mobility of collider {index}", pose)
@@ -202,8 +198,7 @@ class Solver:
         """Return the impulse [N s], [N m s] that a collider received in the last advance.
 
         about: point [m] (3,), or None: the centre of a mobile collider as it moved, the origin of another at the end of
-        the advance.
-        """
+        the advance."""
         here = self.paths.pose(index).position
         if about is None and index in self.features.mobile:
             return self.mobility.impulse(index)
@@ -213,8 +208,7 @@ class Solver:
     def contact_residual(self) -> float:
         """Largest residual of the contact solves of mobile colliders in the last advance; 0 without such colliders.
 
-        Relative to the change of the collider's twist by contact. Above 0.01 `advance` warns.
-        """
+        Relative to the change of the collider's twist by contact. Above 0.01 `advance` warns."""
         return self.mobility.residual
 
     # time ------------------------------------------------------------------------------------------------------------
@@ -228,8 +222,7 @@ class Solver:
         Returns the counts of the attached counter after each of `readings` equal intervals; an empty list without one.
         Raises SimulationDiverged in the substep in which a value is not finite or a particle moves more than a cell,
         and ColliderTooFast if a collider would need too many substeps. After any error, and after Ctrl-C, the solver is
-        in the state that it was in before.
-        """
+        in the state that it was in before."""
         return self.loop.advance(duration, readings)
 
     # states ----------------------------------------------------------------------------------------------------------
@@ -248,15 +241,13 @@ class Solver:
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Load a state of this solver, or of one made from the same scene.
 
-        Raises InvalidValue, and changes nothing, for a state of another scene.
-        """
+        Raises InvalidValue, and changes nothing, for a state of another scene."""
         self.core.load(state)
 
     def close(self) -> None:
         """Give the fields back for the next solver of an equal scene; this one is of no more use.
 
-        Also called at the end of a `with` block, and when the last reference is gone.
-        """
+        Also called at the end of a `with` block, and when the last reference is gone."""
         self.core.tenure.close()
 
     def __enter__(self) -> "Solver":
@@ -295,23 +286,20 @@ class Solver:
     def ledger(self) -> np.ndarray:
         """Impulses on the particles in the last advance: gravity, walls, colliders; (linear, angular), (rows, 6).
 
-        Angular ones are about the world's origin.
-        """
+        Angular ones are about the world's origin."""
         return self.readings.ledger
 
     def wall_impulse(self, side: str, about: np.ndarray | None = None) -> Wrench:
         """Return the impulse [N s], [N m s] that a wall received in the last advance.
 
         side: "x-", "x+", "y-", "y+", "z-" or "z+". about: point [m] (3,), or None: the world's origin. Raises
-        UnknownName for another side.
-        """
+        UnknownName for another side."""
         return self.readings.wall_impulse(side, about)
 
     def clearance(self, index: int, pose: Pose | None = None) -> float:
         """Return a lower bound [m] of the distance of the nearest particle from a collider, at a pose or where it is.
 
-        See `Readings.clearance`.
-        """
+        See `Readings.clearance`."""
         return self.readings.clearance(index, self.paths.pose(index) if pose is None else check_pose("clearance", pose))
 
     def passed_mass(self, index: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from mpm.geometry.rigid_motion import COLUMNS
 from mpm.gpu.stepper import make_stepper as new_stepper
 from mpm.observers import diagnostics
 from mpm.observers.counter_kernel import COUNTER_ROWS
-from mpm.observers.progress import Momentum
+from mpm.observers.readings import Momentum
 from mpm.observers.region_counter import MAX_READINGS, Counts
 from mpm.state.particles import SPEED_LIMIT
 from mpm.stepping.core import Core
@@ -81,7 +81,7 @@ class TimeLoop:
             self._out[:] = 0.0
             with default_precision(core.precision):
                 if not numbers.is_listed:
-                    numbers.restart()
+                    numbers.last += 1  # blocks that the last advance listed for its next substep carry that number
                     self.stepper.mark(numbers.next)
                 numbers.is_listed = False  # an interrupted launch leaves no list
                 self._launch(n, dt, np.ascontiguousarray(table[:, first : first + n]), first, interval)

@@ -10,7 +10,7 @@ from mpm.boundaries.particle_contact import SOLID_RECOVERY
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer
-from mpm.state.packs import LANES, lane_mask
+from mpm.state.packs import LANES, is_near, lane_mask
 from mpm.state.particle_motion import drift_after, keep_inside
 from mpm.transfers.to_particles import gather_pack
 
@@ -105,21 +105,19 @@ def stop_penetration_back(a: ti.template(), step: ti.template()):
     near the tool had before the correction."""
     if step.span > 0:
         for index in ti.static(a.fields.features.moving_solids):
-            stop_at_tool_back(a.fields, a.fields.particles, a.bars, a.after, index, step.motion, step.row,
-                              drift_after(step.dt, step.span), step.motion_bar)
+            stop_at_tool_back(a, a.fields, a.fields.particles, a.bars, index, step, drift_after(step.dt, step.span))
 
 
 @ti.func
-def stop_at_tool_back(fields: ti.template(), P: ti.template(), B: ti.template(), after: ti.template(),
-                      index: ti.template(), motion: ti.template(), s: ti.i32, dt, motion_bar: ti.template()):
+def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(), B: ti.template(), index: ti.template(),
+                      step: ti.template(), dt):
     """Reverse the correction at one tool of particles that have moved for dt [s]."""
+    after, motion, s = ti.static((a.after, step.motion, step.row))
     centre, R = once(collider_origin(motion, 0, s)), once(collider_axes(motion, 0, s))
     reach = ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2)
     for q in range(P.pack_count[None]):
-        d2 = (after.x[0][q] + fields.origin[0] - centre[0]) ** 2 + (after.x[1][q] + fields.origin[1] - centre[1]) ** 2 \
-            + (after.x[2][q] + fields.origin[2] - centre[2]) ** 2
         # the correction moves a particle by a small part of a cell
-        if d2.min() < ti.static((fields.colliders[index].sdf.radius + 0.6 * fields.cell) ** 2):
+        if is_near(fields, after.x, q, centre, fields.colliders[index].sdf.radius + 0.6 * fields.cell):
             v, _B, _f = gather_pack(fields, P, q)
             for d in ti.static(range(3)):
                 after.v[d][q] = v[d]
@@ -151,8 +149,8 @@ def stop_at_tool_back(fields: ti.template(), P: ti.template(), B: ti.template(),
                             approach_bar = -push_bar
                         normal_bar += approach_bar * relative
                         relative_bar = approach_bar * normal
-                        r_bar = surface_back(fields, index, motion, motion_bar, s, R, r, y, n_t,
-                                             -relative_bar, normal_bar, phi_bar)
+                        r_bar = surface_back(fields, index, motion, step.motion_bar, s, R, r, y, n_t, -relative_bar,
+                                             normal_bar, phi_bar)
                         for d in ti.static(range(3)):
                             B.v[d][q] = B.v[d][q] + relative_bar[d] * mask
                             B.x[d][q] = B.x[d][q] + r_bar[d] * mask

@@ -19,8 +19,7 @@ class WallTape:
     def __init__(self, grid: GridFields, precision: str, depth: int) -> None:
         edge = max(grid.nodes.shape)
         self.nodes = ti.Vector.field(4, real_type(precision), (depth, 6, 3, edge, edge))
-        self.at = ti.field(ti.i32, ())
-        """The substep in question, of `depth`."""
+        self.at = ti.field(ti.i32, ())  # the substep in question, of `depth`
 
     @ti.func
     def record(self, grid: ti.template(), side, W, axis, inward, stamp):
@@ -43,16 +42,10 @@ def place_of(W, axis):
 @ti.func
 def unfold_walls_back(a: ti.template(), step: ti.template()):
     """Adjoint of `unfold_walls`, on the adjoints of node velocities and masses."""
-    a.tape.at[None] = step.place
-    unfold_back(a.fields.grid, a.tape, a.nodes.bars, a.fields.parameters, a.fields.wall_conditions, step.dt)
-
-
-@ti.func
-def unfold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), parameters: ti.template(),
-                conditions: ti.template(), dt):
-    """Reverse the unfolding of all walls, the last one that was unfolded first."""
-    table = ti.static(parameters.walls)
-    for w in range(6):
+    grid, tape, parameters = ti.static((a.fields.grid, a.tape, a.fields.parameters))
+    table, bars, conditions = ti.static((parameters.walls, a.nodes.bars, a.fields.wall_conditions))
+    tape.at[None] = step.place
+    for w in range(6):  # the last one that was unfolded first
         axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
         p = parameters.wall_numbers[w]
         n = normal4(axis, inward, grid.nodes.dtype)
@@ -64,8 +57,8 @@ def unfold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), p
                     i, j = place_of(W, axis)
                     if tape.nodes[tape.at[None], w, WALL, i, j][3] != 0:
                         hidden = folded_earlier(grid, table, W, axis)
-                        column_back(bars, tape, conditions, ti.Vector([w, i, j]), W, axis, inward, kind, separable, n,
-                                    hidden, dt, p)
+                        column_back(bars, tape, conditions, ti.Vector([w, i, j]), W, axis, inward, kind,
+                                    separable, n, hidden, step.dt, p)
 
 
 @ti.func
@@ -137,15 +130,9 @@ def stop_back(conditions: ti.template(), before, n, kind, separable, held, pair,
 
 @ti.func
 def fold_walls_back(a: ti.template(), step: ti.template()):
-    """Adjoint of `fold_walls`, on the adjoints of momenta and masses."""
-    fold_back(a.fields.grid, a.tape, a.nodes.bars, a.fields.parameters, a.fields.wall_conditions)
-
-
-@ti.func
-def fold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), parameters: ti.template(),
-              conditions: ti.template()):
-    """Reverse the folding of all walls: a ghost's momentum went to its mirror node, too."""
-    table = ti.static(parameters.walls)
+    """Adjoint of `fold_walls`, on the adjoints of momenta and masses: a ghost's went to its mirror node, too."""
+    grid, tape, parameters = ti.static((a.fields.grid, a.tape, a.fields.parameters))
+    table, bars, conditions = ti.static((parameters.walls, a.nodes.bars, a.fields.wall_conditions))
     for back in range(6):
         w = 5 - back
         axis, node, inward, kind = table[w, 0], table[w, 1], table[w, 2], table[w, 3]

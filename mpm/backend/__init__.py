@@ -2,8 +2,7 @@
 
 A name is imported where it is first used: folders of caches and files are found without loading Taichi.
 
-Imports: errors, lazy_names.
-"""
+Imports: errors, lazy_names."""
 
 from typing import TYPE_CHECKING
 

@@ -2,7 +2,7 @@
 Grid, colliders and kernel are shared, so that one more environment costs its particles' state and no more; what is
 added to the work is a copy of that state there and back."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,38 +16,33 @@ from mpm.materials.stable_step import material_bound
 from mpm.motion.collider_paths import ColliderPaths
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.diagnostics import describe_divergence, warn_of_held
+from mpm.observers.reading_kernels import SampleKernel
 from mpm.observers.readings import received
 from mpm.observers.region_counter import MAX_READINGS, Counts
-from mpm.observers.sample import SampleKernel
 from mpm.scene.body import with_volume
 from mpm.scene.grid import ROUNDING
 from mpm.state.fields import Fields
 from mpm.state.packs import count_packs
 from mpm.state.particles import SPEED_LIMIT
-from mpm.stepping.core import HasCore
+from mpm.stepping.core import Core
 from mpm.stepping.cpu import CpuStepper, add_status
 from mpm.stepping.phases import Launch
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import choose_interval, longest_stride, split_launches
 from mpm.stepping.thread_group import ThreadGroup
 
-SKIPPED, READ_ONLY = -1, 0
-"""Numbers of substeps that mean something else."""
+SKIPPED, READ_ONLY = -1, 0  # numbers of substeps that mean something else
 
 
 class Plan(NamedTuple):
     """What an environment does in a launch."""
 
     substeps: int = SKIPPED
-    first_row: int = 0
-    """Of its part of the motion table."""
-    interval: int = 1
-    """Substeps between two readings."""
-    done: int = 0
-    """Substeps of the advance in earlier launches."""
+    first_row: int = 0  # of its part of the motion table
+    interval: int = 1  # substeps between two readings
+    done: int = 0  # substeps of the advance in earlier launches
     stamp: int = 0
-    max_stride: int = 1
-    """The most substeps between two transfers."""
+    max_stride: int = 1  # the most substeps between two transfers
 
 
 @ti.data_oriented
@@ -109,11 +104,10 @@ class Batch:
     Each has its own particles, material parameters, time and poses of colliders. The counter and sample of the solver
     are evaluated in every environment. readings: largest number of readings in one advance. Afterwards the solver has
     the state of one of the environments; `select` chooses which. Raises InvalidValue for a solver with mobile colliders
-    or several threads.
-    """
+    or several threads."""
 
-    def __init__(self, solver: HasCore, n: int, readings: int = 1) -> None:
-        core = solver.core
+    def __init__(self, solver: Any, n: int, readings: int = 1) -> None:
+        core: Core = solver.core
         if n < 1 or not 1 <= readings <= MAX_READINGS:
             raise InvalidValue(f"Batch: n = {n}, readings = {readings}; accepted: 1 or more, 1 to {MAX_READINGS}")
         if not core.features.serial:
@@ -135,8 +129,7 @@ class Batch:
         self._numbers = EnvironmentNumbers(core, n)
         self._paths = [ColliderPaths(core.scene, core.features, core.mobility) for _ in range(n)]
         self._has_warned_of_held = False
-        self.time, self.steps = np.zeros(n), np.zeros(n, int)
-        """Time [s] and substeps of every environment."""
+        self.time, self.steps = np.zeros(n), np.zeros(n, int)  # time [s] and substeps of every environment
         state = core.state()
         for e in range(n):
             self.load(e, state)
@@ -199,8 +192,7 @@ class Batch:
     def load(self, e: int, state: dict[str, np.ndarray]) -> Counts | None:
         """Load a state (`Solver.state`) into an environment; return the counts of the counter there.
 
-        Particles out of bounds in the state do not count as newly exited.
-        """
+        Particles out of bounds in the state do not count as newly exited."""
         particles = self._core.fields.particles
         arrays = [particles.read_snapshot(state, name) for name in particles.named_fields()]
         self._core.scene.grid.check_inside(arrays[0] + self._core.scene.grid.origin, "load: ", ROUNDING)
@@ -228,8 +220,7 @@ class Batch:
         """Advance every environment by its duration [s] (n,); zero: not at all.
 
         Returns for each environment the counts after each of its `readings` (n,) equal intervals, or the error with
-        which it ended. `load` makes such an environment usable again.
-        """
+        which it ended. `load` makes such an environment usable again."""
         check_owner()
         self._check(durations, readings)
         core, tables, plans, rows = self._core, [], [Plan()] * self.n, 0

@@ -15,8 +15,7 @@ from mpm.state.fields import Fields
 from mpm.stepping.core import Core
 
 BODY_NUMBERS = PARAMETERS + 3
-DENSITY, VOLUME, HALF = range(PARAMETERS, BODY_NUMBERS)
-"""Where a body's other numbers follow on its law's parameters."""
+DENSITY, VOLUME, HALF = range(PARAMETERS, BODY_NUMBERS)  # where a body's other numbers follow on its law's parameters
 
 
 class EnvironmentNumbers:
@@ -106,7 +105,9 @@ class NumbersKernel:
             self.parameters.densities[body] = ti.cast(table[e, first + ti.static(DENSITY)],
                                                       self.parameters.densities.dtype)
             if table[e, first + ti.static(VOLUME)] > 0.0:
-                self.write_volume(body, table[e, first + ti.static(VOLUME)], table[e, first + ti.static(HALF)])
+                begin, end, _ = self.ranges[body]
+                for q in range(begin, end):
+                    self.volumes.write_pack(q, table[e, first + ti.static(VOLUME)], table[e, first + ti.static(HALF)])
         for i in range(ti.static(self.n_colliders)):
             self.parameters.frictions[i] = ti.cast(table[e, bodies * ti.static(BODY_NUMBERS) + i],
                                                    self.parameters.frictions.dtype)
@@ -114,10 +115,3 @@ class NumbersKernel:
             first = bodies * ti.static(BODY_NUMBERS) + ti.static(self.n_colliders)
             for i in ti.static(range(FRAME_NUMBERS)):
                 self.counter.numbers[ti.static(FRAME) + i] = table[e, first + i]
-
-    @ti.func
-    def write_volume(self, body, volume, half):
-        """Set the volume of a body's particles."""
-        begin, end, _ = self.ranges[body]
-        for q in range(begin, end):
-            self.volumes.write_pack(q, volume, half)

@@ -1,15 +1,14 @@
 """Signed distance of ground that is given by heights."""
 
-from collections.abc import Hashable
-
 import numpy as np
 
-from mpm.backend import put, ti
+from mpm.backend import ti
 from mpm.errors import InvalidValue
-from mpm.geometry.shape import Shape, check_sizes, digest, sign
+from mpm.geometry.sampled_sdf import Sampled
+from mpm.geometry.shape import check_sizes
 
 
-class HeightField(Shape):
+class HeightField(Sampled):
     """Ground below heights [m] (rows along y, columns along x) over |x| <= half[0], |y| <= half[1]; 1 m outside.
     Bilinear between its points; distances are of first order, exact at the surface."""
 
@@ -22,16 +21,6 @@ class HeightField(Shape):
         rows, columns = self.host.shape
         self.spacing = (2.0 * self.half[0] / (columns - 1), 2.0 * self.half[1] / (rows - 1))
         self.radius = float(np.linalg.norm([*self.half, np.abs(self.host).max()]))
-        self.values = None
-
-    def allocate(self) -> None:
-        """Copy the heights to a field; needs a running backend."""
-        self.values = ti.field(ti.f32, self.host.shape)
-        put(self.values, self.host)
-
-    def signature(self) -> Hashable:
-        """Return what two such shapes share that kernels cannot tell apart."""
-        return sign(self, digest(self.host))
 
     @ti.func
     def at(self, y):

@@ -5,10 +5,8 @@ import trimesh
 from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.spatial import cKDTree
 
-BAND = 4.0
-"""Half width, in lattice spacings, of the band in which distances are exact."""
-NEIGHBOURS = 8
-"""Surface samples per lattice point whose triangles are measured."""
+BAND = 4.0  # half width, in lattice spacings, of the band in which distances are exact
+NEIGHBOURS = 8  # surface samples per lattice point whose triangles are measured
 MAX_SAMPLES = 400_000
 RAY_OFFSET = np.array([1.234567e-5, 7.654321e-6])
 """Shift of the rays, in spacings, off the symmetry planes and edges that meshes love."""
@@ -18,11 +16,7 @@ def signed_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, s
     """Return distances [m] at lower + spacing * (i, j, k), negative inside.
     Within BAND spacings of the surface the distance is that to the closest triangle; farther out it is carried over
     from the closest point of the band, good to a spacing."""
-    count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
-    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
-    # small triangles may get no sample of their own
-    samples = np.concatenate([samples, mesh.triangles_center])
-    faces = np.concatenate([faces, np.arange(len(mesh.faces))])
+    samples, faces = _samples(mesh, spacing)
     touched = np.zeros(shape, bool)
     cells = np.round((samples - lower) / spacing).astype(int)
     inside_lattice = np.all((cells >= 0) & (cells < shape), axis=1)
@@ -30,23 +24,34 @@ def signed_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, s
     steps, nearest = distance_transform_edt(~touched, return_indices=True)
     band = np.argwhere(steps < BAND)
     exact = np.zeros(shape)
-    exact[tuple(band.T)] = _distance_to_neighbour_faces(mesh, band * spacing + lower, samples, faces, spacing)
+    points = band * spacing + lower
+    _, candidates = cKDTree(samples).query(points, k=NEIGHBOURS)
+    exact[tuple(band.T)] = _closest(mesh, points, faces[candidates], spacing)[0] * spacing
     far = steps >= BAND
     exact[far] = steps[far] * spacing + exact[tuple(axis[far] for axis in nearest)]
     return np.where(find_inside(mesh, lower, spacing, shape), -exact, exact)
 
 
-def _distance_to_neighbour_faces(mesh: trimesh.Trimesh, points: np.ndarray, samples: np.ndarray, faces: np.ndarray,
-                                 spacing: float) -> np.ndarray:
-    """Return the exact distances (n,) to the triangles of the closest samples, several a point."""
-    _, candidates = cKDTree(samples).query(points, k=NEIGHBOURS)
-    best = np.full(len(points), np.inf)
-    # in units of the spacing: trimesh 5 compares with absolute tolerances, which millimetre triangles fall under
-    triangles, scaled = mesh.triangles / spacing, points / spacing
-    for column in faces[candidates].T:
+def _samples(mesh: trimesh.Trimesh, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (n, 3) on a surface, and their faces (n,)."""
+    count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
+    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
+    # small triangles may get no sample of their own
+    return np.concatenate([samples, mesh.triangles_center]), np.concatenate([faces, np.arange(len(mesh.faces))])
+
+
+def _closest(mesh: trimesh.Trimesh, points: np.ndarray, candidates: np.ndarray,
+             spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return distances (n,) to the closest of candidate faces (n, k), the closest points (n, 3) and their faces (n,).
+    In units of the spacing: trimesh 5 compares with absolute tolerances, which millimetre triangles fall under."""
+    triangles, scaled, best = mesh.triangles / spacing, points / spacing, np.full(len(points), np.inf)
+    foot, face = np.zeros_like(points), np.zeros(len(points), int)
+    for column in candidates.T:
         closest = trimesh.triangles.closest_point(triangles[column], scaled)
-        best = np.minimum(best, np.linalg.norm(closest - scaled, axis=1))
-    return best * spacing
+        distance = np.linalg.norm(closest - scaled, axis=1)
+        nearer = distance < best
+        best[nearer], foot[nearer], face[nearer] = distance[nearer], closest[nearer], column[nearer]
+    return best, foot, face
 
 
 def find_inside(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
@@ -86,8 +91,7 @@ def sheet_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, sh
 
     Within BAND spacings the distance is that to the closest triangle, farther out that to the closest of samples half a
     spacing apart, good to a fiftieth of a spacing. The sign comes from normals interpolated between vertices, so that
-    it holds over edges.
-    """
+    it holds over edges."""
     samples, faces, on_rim = _sheet_samples(mesh, spacing)
     points = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
     tree = cKDTree(samples)
@@ -107,17 +111,15 @@ def sheet_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, sh
 
 def _sheet_samples(mesh: trimesh.Trimesh, spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return points (n, 3) on a surface and along its rim, their faces (n,), and whether they lie on the rim (n,)."""
-    count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
-    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
-    parts, owners = [samples, mesh.triangles_center], [faces, np.arange(len(mesh.faces))]
-    n_inside = len(samples) + len(mesh.faces)
+    samples, faces = _samples(mesh, spacing)
+    parts, owners = [samples], [faces]
     for edge in trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1):
         a, b = mesh.vertices[mesh.edges[edge]]
         u = np.linspace(0, 1, max(2, int(4 * np.linalg.norm(b - a) / spacing)))[:, None]
         parts.append(a + u * (b - a))
         owners.append(np.full(len(u), mesh.edges_face[edge]))
     samples = np.concatenate(parts)
-    return samples, np.concatenate(owners), np.arange(len(samples)) >= n_inside
+    return samples, np.concatenate(owners), np.arange(len(samples)) >= len(faces)
 
 
 def _side(mesh: trimesh.Trimesh, points: np.ndarray, foot: np.ndarray, face: np.ndarray) -> np.ndarray:
@@ -131,14 +133,7 @@ def _side(mesh: trimesh.Trimesh, points: np.ndarray, foot: np.ndarray, face: np.
 def _signed_closest(mesh: trimesh.Trimesh, points: np.ndarray, candidates: np.ndarray,
                     spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the signed distances (n,) to the closest of candidate faces (n, k), and whether that is off the rim."""
-    # in units of the spacing, as above
-    scaled, best = points / spacing, np.full(len(points), np.inf)
-    foot, face = np.zeros_like(points), np.zeros(len(points), int)
-    for column in candidates.T:
-        closest = trimesh.triangles.closest_point(mesh.triangles[column] / spacing, scaled)
-        distance = np.linalg.norm(closest - scaled, axis=1)
-        nearer = distance < best
-        best[nearer], foot[nearer], face[nearer] = distance[nearer], closest[nearer], column[nearer]
+    best, foot, face = _closest(mesh, points, candidates, spacing)
     weights = trimesh.triangles.points_to_barycentric(mesh.triangles[face] / spacing, foot)
     # edge i of a face joins corners i and i + 1; the foot is on it where the third weight vanishes
     rim = np.zeros((len(mesh.faces), 3), bool)

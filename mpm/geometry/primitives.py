@@ -6,8 +6,7 @@ from mpm.backend import ti
 from mpm.errors import InvalidValue
 from mpm.geometry.shape import ExactShape, Shape, check_sizes
 
-NEAR = 1e-6
-"""[m] from a face within which rounding decides on which side a point is."""
+NEAR = 1e-6  # [m] from a face within which rounding decides on which side a point is
 
 
 class Plane(ExactShape):
@@ -39,7 +38,7 @@ class Sphere(ExactShape):
 
     def __init__(self, r: float) -> None:
         self.r, = check_sizes("Sdf.sphere", "r", r)
-        self.radius = self.r
+        self.radius, self.thinnest = self.r, 2.0 * self.r
 
     @ti.func
     def at(self, y):
@@ -49,9 +48,6 @@ class Sphere(ExactShape):
     def distance(self, points: np.ndarray) -> np.ndarray:
         return np.linalg.norm(points, axis=-1) - self.r
 
-    def least_thickness(self) -> float:
-        return 2.0 * self.r
-
 
 class Capsule(ExactShape):
     """Points within r [m] of the segment of half length h [m] along the frame's z axis."""
@@ -59,7 +55,7 @@ class Capsule(ExactShape):
     def __init__(self, r: float, h: float) -> None:
         self.r, = check_sizes("Sdf.capsule", "r", r)
         self.h, = check_sizes("Sdf.capsule", "h", h, least=-1e-300)
-        self.radius = self.r + self.h
+        self.radius, self.thinnest = self.r + self.h, 2.0 * self.r
 
     @ti.func
     def at(self, y):
@@ -72,16 +68,13 @@ class Capsule(ExactShape):
         rest = points - np.clip(points[..., 2:], -self.h, self.h) * [0.0, 0.0, 1.0]
         return np.linalg.norm(rest, axis=-1) - self.r
 
-    def least_thickness(self) -> float:
-        return 2.0 * self.r
-
 
 class Box(ExactShape):
     """A box of half sizes [m] (3,) about the frame's origin."""
 
     def __init__(self, half: tuple[float, float, float]) -> None:
         self.half = check_sizes("Sdf.box", "half", half, 3)
-        self.radius = float(np.linalg.norm(self.half))
+        self.radius, self.thinnest = float(np.linalg.norm(self.half)), 2.0 * min(self.half)
 
     @ti.func
     def at(self, y):
@@ -106,9 +99,6 @@ class Box(ExactShape):
         out = np.abs(points) - self.half
         return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
 
-    def least_thickness(self) -> float:
-        return 2.0 * min(self.half)
-
 
 class Cylinder(ExactShape):
     """Points within r [m] of the frame's z axis and within h [m] of its xy plane."""
@@ -116,7 +106,7 @@ class Cylinder(ExactShape):
     def __init__(self, r: float, h: float) -> None:
         self.r, = check_sizes("Sdf.cylinder", "r", r)
         self.h, = check_sizes("Sdf.cylinder", "h", h)
-        self.radius = float(np.hypot(self.r, self.h))
+        self.radius, self.thinnest = float(np.hypot(self.r, self.h)), 2.0 * min(self.r, self.h)
 
     @ti.func
     def at(self, y):
@@ -137,16 +127,13 @@ class Cylinder(ExactShape):
         out = np.stack([np.hypot(points[..., 0], points[..., 1]) - self.r, np.abs(points[..., 2]) - self.h], -1)
         return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
 
-    def least_thickness(self) -> float:
-        return 2.0 * min(self.r, self.h)
-
 
 class Ellipsoid(Shape):
     """An ellipsoid of half axes [m] (3,). Distances are of first order: exact at the surface, where contact is."""
 
     def __init__(self, half: tuple[float, float, float]) -> None:
         self.half = check_sizes("Sdf.ellipsoid", "half", half, 3)
-        self.radius = max(self.half)
+        self.radius, self.thinnest = max(self.half), 2.0 * min(self.half)
 
     @ti.func
     def at(self, y):
@@ -159,6 +146,3 @@ class Ellipsoid(Shape):
         scaled = points / self.half
         size = np.linalg.norm(scaled, axis=-1)
         return size * (size - 1.0) / np.maximum(np.linalg.norm(scaled / self.half, axis=-1), 1e-12)
-
-    def least_thickness(self) -> float:
-        return 2.0 * min(self.half)

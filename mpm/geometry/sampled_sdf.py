@@ -1,6 +1,7 @@
 """Signed distances sampled on a lattice."""
 
 from collections.abc import Hashable
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -34,7 +35,23 @@ def trilinear_back(s: ti.template(), f, y, normal_bar, phi_bar):
     return bar
 
 
-class Lattice(Shape):
+class Sampled(Shape):
+    """Base of solids whose array of numbers in single precision, `host`, is looked up in a field, `values`."""
+
+    host: np.ndarray
+    values: Any = None
+
+    def allocate(self) -> None:
+        """Copy the numbers to a field; needs a running backend."""
+        self.values = ti.field(ti.f32, self.host.shape)
+        put(self.values, self.host)
+
+    def signature(self) -> Hashable:
+        """Return what two such shapes share that kernels cannot tell apart."""
+        return sign(self, digest(self.host))
+
+
+class Lattice(Sampled):
     """Distances sampled on a lattice, trilinear between its points; outside it, the distance from it is added."""
 
     def __init__(self, values: np.ndarray, lower: np.ndarray, spacing: float) -> None:
@@ -46,18 +63,7 @@ class Lattice(Shape):
         ends = [np.take(self.host, place, axis) for axis in range(3) for place in (0, -1)]
         self.margin = float(min(end.min() for end in ends))
         """Distance [m] from the solid at the lattice's faces, at least."""
-        self.parts: list[trimesh.Trimesh] = []
-        """The closed meshes that it was made from, if it was."""
-        self.values = None
-
-    def allocate(self) -> None:
-        """Copy the lattice to a field; needs a running backend."""
-        self.values = ti.field(ti.f32, self.host.shape)
-        put(self.values, self.host)
-
-    def signature(self) -> Hashable:
-        """Return what two such shapes share that kernels cannot tell apart."""
-        return sign(self, digest(self.host))
+        self.parts: list[trimesh.Trimesh] = []  # the closed meshes that it was made from, if it was
 
     @ti.func
     def cell_at(self, y):
@@ -138,7 +144,6 @@ class Lattice(Shape):
         return lower, lower + self.spacing * (np.array(self.host.shape) - 1)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Return the distances [m] (n,) at points (n, 3) in the frame."""
         from scipy.ndimage import map_coordinates
 
         u = (np.asarray(points) - self.lower) / self.spacing

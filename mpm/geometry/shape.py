@@ -66,8 +66,7 @@ class Shape:
                 return np.hypot(np.hypot(points[:, 0], points[:, 1]) - self.ring, points[:, 2]) - self.tube
 
     `mpm.Collider(Torus(0.03, 0.01))` then is a collider like any other. A thin shell is a shape with two sides: see
-    `Shell`.
-    """
+    `Shell`."""
 
     radius: float
     """Radius [m] of a ball about the frame's origin that contains the solid."""
@@ -76,6 +75,8 @@ class Shape:
     """Whether it is a thin shell, with particles on both sides."""
     thickness = 0.0
     """Thickness [m] of a thin shell."""
+    thinnest = np.inf
+    """Smallest thickness [m] of a solid; infinite where it is not known."""
     passage = np.inf
     """Narrowest gap [m] between its own walls."""
     group: Group | None = None
@@ -122,8 +123,8 @@ class Shape:
         raise NotImplementedError(f"{type(self).__name__} has no mid-surface")
 
     def least_thickness(self) -> float:
-        """Return the smallest thickness [m] of the solid; infinite where it is not known."""
-        return np.inf
+        """Return the smallest thickness [m] of the solid."""
+        return self.thinnest
 
     @ti.func
     def is_beyond(self, y, reach):

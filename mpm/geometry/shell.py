@@ -16,16 +16,14 @@ from mpm.geometry.shape import Shape, digest
 
 SIDE_BAND = 2.7
 """Cells from the mid-surface within which a node can share a stencil with a particle on the other side: 1.5 sqrt(3)."""
-LATTICE_STEP = 0.2
-"""Cells between the points of the lattice, where the user gives no spacing."""
+LATTICE_STEP = 0.2  # cells between the points of the lattice, where the user gives no spacing
 SHELL_FACE = 1.01
 """Cells in front of a shell's face within which a node counts as on it. A free node nearer than a cell lacks the
 pressure of what would lie beyond it: it crushes the layer before the face, which then drives the water there upwards,
 and in 2 s such a circulation takes 5 % of a gate's thrust. With this the thrust is right to 0.3 %."""
 LEAST_FACE = 0.5
 """Least cells of this kind, as at solids: with 0.01 the thrust of water on a ball is 13 % too small."""
-FAR = 1.0
-"""Distance [m] outside the lattice."""
+FAR = 1.0  # distance [m] outside the lattice
 
 
 class Shell(Shape):
@@ -36,8 +34,7 @@ class Shell(Shape):
     def __init__(self, mesh: trimesh.Trimesh, thickness: float, spacing: float | None, behind: float = 0.0,
                  face_cells: float = SHELL_FACE) -> None:
         self.mesh, self.thickness, self.wanted_spacing, self.behind = mesh, float(thickness), spacing, float(behind)
-        self.face_cells = float(face_cells)
-        """Cells in front of the face within which nodes are in contact."""
+        self.face_cells = float(face_cells)  # cells in front of the face within which nodes are in contact
         self.extent = float(np.linalg.norm(mesh.vertices, axis=1).max()) + self.behind
         """Radius [m] of a ball about the frame's origin that contains the surface."""
         self.radius = self.extent
@@ -54,8 +51,7 @@ class Shell(Shape):
         with it, from LEAST_FACE to SHELL_FACE; fewer displace less of a fluid, and hold it less firmly.
 
         Raises InvalidValue for a thickness that is not positive, face_cells out of range or a surface whose faces wind
-        inconsistently.
-        """
+        inconsistently."""
         if not thickness > 0 or (spacing is not None and not spacing > 0):
             raise InvalidValue(f"Shell: thickness = {thickness} m, spacing = {spacing} m; accepted: positive lengths")
         if not LEAST_FACE <= face_cells <= SHELL_FACE:

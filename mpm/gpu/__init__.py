@@ -1,4 +1,3 @@
 """The stepper of a GPU: the phases of a substep as parallel loops.
 
-Imports: backend, boundaries, observers, scene, state, stepping.
-"""
+Imports: backend, boundaries, observers, scene, state, stepping."""

@@ -4,14 +4,15 @@ copies of the ledger, in any order: right to rounding."""
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from mpm.backend import is_shared, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
-from mpm.gpu.device_array import DeviceArray
 from mpm.gpu.phase_loops import GROUP, PhaseLoops, ledger_of
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
-from mpm.observers.sample import SampleKernel
+from mpm.observers.reading_kernels import SampleKernel
 from mpm.state.fields import Fields
-from mpm.state.ledger import STRIPES
+from mpm.state.ledger import STRIPES, add_stripes
 from mpm.state.packs import LANES
 from mpm.state.particle_motion import drift_packs
 from mpm.stepping.cpu import CpuStepper, add_status
@@ -19,8 +20,25 @@ from mpm.stepping.phases import Launch, split_phases
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import fastest_square, limit_stride
 
-SUM_PARTS = 4096
-"""Parts of the packs where something is summed over them."""
+SUM_PARTS = 4096  # parts of the packs where something is summed over them
+
+
+class DeviceArray:
+    """A host array, and during a launch its copy on the device; or several, into which a ledger is summed: `Stripe`."""
+
+    def __init__(self, array: np.ndarray, copies: int = 1) -> None:
+        self.array, self.copies = array, copies
+        self.device = ti.ndarray(ti.f64 if array.dtype == np.float64 else ti.f32,
+                                 (copies * array.shape[0], *array.shape[1:]))
+        self.device.from_numpy(array if copies == 1 else np.zeros(self.device.shape, array.dtype))
+
+    def fetch(self, status: int) -> None:
+        """Copy what was written to the host array, or add what was added; status: row with the largest speed."""
+        values = self.device.to_numpy()
+        if self.copies == 1:
+            self.array[:] = values
+        else:
+            add_stripes(self.array, values, status)
 
 
 def make_stepper(fields: Fields, counter: CounterKernel | None = None, sample: SampleKernel | None = None,
@@ -40,10 +58,8 @@ class GpuStepper(CpuStepper):
         # in two kernels: Taichi's code for Vulkan cannot have both transfers in one
         self.loops = [PhaseLoops(fields, phases) for phases in split_phases(fields)]
         self.n_packs = fields.particles.n_packs
-        self.sum_parts = min(self.n_packs, SUM_PARTS)
-        """Parts of the packs where something is summed."""
-        self.speeds = ti.field(fields.real, STRIPES)
-        """Largest squared speed of some particles each [m^2/s^2]."""
+        self.sum_parts = min(self.n_packs, SUM_PARTS)  # parts of the packs where something is summed
+        self.speeds = ti.field(fields.real, STRIPES)  # largest squared speed of some particles each [m^2/s^2]
 
     # as CpuStepper is called -----------------------------------------------------------------------------------------
     def mark(self, stamp: int) -> None:
@@ -116,11 +132,6 @@ class GpuStepper(CpuStepper):
                 self.counter.count_slot(slot, ti.cast(collider_origin(motion, self.counter_row, row), ti.f64),
                                         ti.cast(collider_axes(motion, self.counter_row, row), ti.f64), ledger,
                                         self.fields.rows.count + COUNTER_ROWS * reading, per_particle, reading)
-            for _ in range(1):
-                ledger = ti.static(ledger_of(out, 0))
-                self.counter.probe_points(ti.cast(collider_origin(motion, self.counter_row, row), ti.f64),
-                                          ti.cast(collider_axes(motion, self.counter_row, row), ti.f64), ledger,
-                                          self.fields.rows.count + COUNTER_ROWS * (done // interval - 1))
 
     @ti.kernel
     def sum_up(self, out: ti.types.ndarray(), sampled: ti.types.ndarray()):

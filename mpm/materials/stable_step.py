@@ -34,16 +34,15 @@ def travel_bound(cell: float, speed: float) -> float:
     return TRAVEL_FRACTION * cell / speed if speed > 0 else math.inf
 
 
-def material_bound(cell: float, law: Any) -> float:
-    """Return the time step [s] at which a lone particle of a material becomes unstable."""
+def material_bound(cell: float, law: Any, share: float = 1.0) -> float:
+    """Return the time step [s] at which a lone particle of a material becomes unstable; share: of the elastic bound."""
     elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)
-    return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
+    return min(share * elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
 
 
 def accepted_bound(cell: float, law: Any) -> float:
     """Return the largest accepted time step [s] of a material: one in which a lone particle cannot resonate."""
-    elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)
-    return min(ACCEPTED_FRACTION * elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
+    return material_bound(cell, law, ACCEPTED_FRACTION)
 
 
 def check_step(dt: float, cell: float, laws: Iterable[Any], place: str = "") -> None:

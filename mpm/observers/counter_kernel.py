@@ -10,23 +10,24 @@ from mpm.state.ledger import add
 from mpm.state.packs import LANES
 from mpm.state.particles import ParticleFields
 
-REGION_NUMBERS = 7
-"""Numbers of a region as the kernel reads it."""
-REGION, BOUNDS, INNER = range(3)
-"""The regions, in the order of their numbers."""
+REGION_NUMBERS = 7  # numbers of a region as the kernel reads it
+REGION, BOUNDS, INNER = range(3)  # the regions, in the order of their numbers
 ORIGIN, WEIGHTS, POINT = range(3 * REGION_NUMBERS, 3 * REGION_NUMBERS + 9, 3)
 """Where the grid's origin and the distance's numbers follow on those of the regions."""
 FRAME, PLACE, TURN, FRAME_NUMBERS = POINT, POINT + 3, POINT + 6, 15
 """Where the numbers begin that `RegionCounter.place` sets: the point, and the frame's position and rotation."""
-COUNTER_ROWS = 2
-"""Rows of six numbers that a reading takes."""
+COUNTER_ROWS = 2  # rows of six numbers that a reading takes
 DISTANCE, NEWLY_EXITED, EXITED_FROM_REGION, IN_REGION, EXITED, IN_INNER, NEAR, PROBED, CLEARANCE = range(9)
-COUNTED, LATCHING = 1, 2
-"""What is done with a particle: counted, and counted when it leaves the bounds."""
-WAS_IN_REGION, HAS_EXITED = 1, 2
-"""Flags that a particle keeps between readings."""
-FAR = 1.0
-"""Clearance [m] where no point is near the probe."""
+COUNTED, LATCHING = 1, 2  # what is done with a particle: counted, and counted when it leaves the bounds
+WAS_IN_REGION, HAS_EXITED = 1, 2  # flags that a particle keeps between readings
+FAR = 1.0  # clearance [m] where no point is near the probe
+
+
+@ti.func
+def pose_of(numbers: ti.template()):
+    """Return position [m] (3,) and rotation matrix (3, 3) from twelve numbers, the matrix row by row."""
+    return (ti.Vector([numbers[d] for d in range(3)]),
+            ti.Matrix([[numbers[3 + 3 * i + j] for j in range(3)] for i in range(3)]))
 
 
 @ti.data_oriented
@@ -65,14 +66,8 @@ class CounterKernel:
         """Add the sums of the present state, with the collider at a pose (12,), to out (COUNTER_ROWS, 6)."""
         ti.loop_config(serialize=not self.on_gpu)
         for slot in range(self.particles.pack_count[None] * LANES):
-            c = ti.Vector([pose[k] for k in range(3)])
-            R = ti.Matrix([[pose[3 + 3 * i + j] for j in range(3)] for i in range(3)])
+            c, R = pose_of(pose)
             self.count_slot(slot, c, R, out, 0, per_particle, 0)
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            c = ti.Vector([pose[k] for k in range(3)])
-            R = ti.Matrix([[pose[3 + 3 * i + j] for j in range(3)] for i in range(3)])
-            self.probe_points(c, R, out, 0)
 
     @ti.func
     def accumulate(self, c, R, out: ti.template(), row, per_particle: ti.template(), reading):
@@ -80,11 +75,12 @@ class CounterKernel:
         Where a counter asks for them, what each particle adds is stored in row `reading` of per_particle."""
         for slot in range(self.particles.pack_count[None] * LANES):
             self.count_slot(slot, c, R, out, row, per_particle, reading)
-        self.probe_points(c, R, out, row)
 
     @ti.func
     def count_slot(self, slot, c, R, out: ti.template(), row, per_particle: ti.template(), reading):
-        """Add one slot's share of the sums, see `accumulate`."""
+        """Add one slot's share of the sums, see `accumulate`; the first one's thread also looks up the points."""
+        if slot == 0:
+            self.probe_points(c, R, out, row)
         if ti.static(self.counts_near):
             self.count_near(slot, c, R, out, row)
         if self.roles[slot] > 0:

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.errors import GrainsLeaveGrid, SimulationDiverged
-from mpm.observers.progress import Momentum
-from mpm.observers.readings import Readings
+from mpm.observers.readings import Momentum, Readings
 from mpm.state.particles import AT_WALL
 
 

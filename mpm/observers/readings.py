@@ -1,7 +1,7 @@
 """Readings of a solver's particles and ledger in double precision; each call copies what it needs from the fields."""
 
 from collections.abc import Iterator
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,16 +10,31 @@ from mpm.backend.assembly import Tenure
 from mpm.errors import InvalidValue, UnknownName
 from mpm.geometry.rigid_motion import Pose, Wrench
 from mpm.materials.stress_update import LEAST_RATIO
-from mpm.observers.clearance import ClearanceKernel, reach_of
-from mpm.observers.progress import Progress
-from mpm.observers.stress_reader import StressReader
+from mpm.observers.reading_kernels import ClearanceKernel, StressReader, reach_of
 from mpm.scene.body import Body
 from mpm.scene.scene import Scene
 from mpm.state.fields import Fields
 from mpm.state.particles import ParticleFields
 
-SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
-"""Names of the six walls, in the order of folding."""
+SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")  # names of the six walls, in the order of folding
+
+
+class Momentum(NamedTuple):
+    """Linear [N s] (3,) and angular [N m s] (3,) momentum, about the world's origin, with the affine part."""
+
+    linear: np.ndarray
+    angular: np.ndarray
+
+
+class Progress:
+    """Time [s], substeps since the start, and sums of the last advance.
+    rows: of the ledger, see `LedgerRows`. dt: substep [s]."""
+
+    def __init__(self, rows: int, dt: float) -> None:
+        self.time, self.steps, self.substep = 0.0, 0, dt
+        self.sums = np.zeros((rows, 6))  # sums of the last advance, see `LedgerRows`
+        self.momentum: Momentum | None = None  # momentum after the last advance or load; None: not summed yet
+        self.fastest: float | None = None  # largest speed [m/s] of a particle; None: not found yet
 
 
 def received(row: np.ndarray, point: np.ndarray) -> Wrench:
@@ -64,8 +79,7 @@ class Readings:
     def sleepers_impulse(self) -> Wrench:
         """Impulse [N s], [N m s] on the particles awake that sleeping ones gave in the last advance, less their own.
 
-        About the world's origin; it closes the ledger. Zero without sleeping.
-        """
+        About the world's origin; it closes the ledger. Zero without sleeping."""
         return Wrench(*self.progress.sums[self.fields.rows.asleep].reshape(2, 3))
 
     @property
@@ -88,8 +102,7 @@ class Readings:
     def stresses(self) -> np.ndarray:
         """Return Cauchy stresses [Pa], shape (n_particles, 3, 3), symmetric, tension positive.
 
-        They are those that the laws give for the present strain; in a fluid, viscous stress included.
-        """
+        They are those that the laws give for the present strain; in a fluid, viscous stress included."""
         fields = self.fields
         reader = self.tenure.assembly.share("stresses", lambda: StressReader(fields))
         with default_precision(fields.features.precision):
@@ -99,8 +112,7 @@ class Readings:
         """Return a lower bound [m] of the distance of the nearest particle from a collider at a pose.
 
         It is exact to a spacing of its lattice for a solid from a mesh, and exact for most other solids; a shell counts
-        as the box that holds it. Negative where a particle is inside.
-        """
+        as the box that holds it. Negative where a particle is inside."""
         fields = self.fields
         kernel = self.tenure.assembly.share(("clearance", index), lambda: ClearanceKernel(fields, index))
         with default_precision(fields.features.precision):
@@ -115,15 +127,13 @@ class Readings:
     def ledger(self) -> np.ndarray:
         """Impulses on the particles in the last advance: gravity, walls, colliders; (linear, angular), (rows, 6).
 
-        Angular ones are about the world's origin.
-        """
+        Angular ones are about the world's origin."""
         return self.progress.sums[: self.fields.rows.momentum]
 
     def passed_mass(self, index: int) -> np.ndarray:
         """Return the mass [kg] that each orifice of a collider has let through, (n_holes,), in their order.
 
-        Counted from the start, or as a loaded state has it. Raises InvalidValue for a collider without orifices.
-        """
+        Counted from the start, or as a loaded state has it. Raises InvalidValue for a collider without orifices."""
         rows = {collider: (first, last) for _, collider, first, last in self.fields.features.orifice_rows}
         if index not in rows or self.fields.orifices is None:
             raise InvalidValue(f"passed_mass: collider {index} has no orifices; with some: {sorted(rows)}")
@@ -134,8 +144,7 @@ class Readings:
         """Return the impulse [N s], [N m s] that a wall received in the last advance.
 
         side: "x-", "x+", "y-", "y+", "z-" or "z+". about: point [m] (3,), or None: the world's origin. Raises
-        UnknownName for another side.
-        """
+        UnknownName for another side."""
         if side not in SIDES:
             raise UnknownName("side", side, SIDES)
         row = self.progress.sums[self.fields.rows.walls + SIDES.index(side)]
@@ -164,8 +173,7 @@ class Readings:
     def strains(self, C: np.ndarray) -> np.ndarray:
         """Return e = b - I of all particles, entries xx, yy, zz, xy, xz, yz (6, n), for C (n, 9).
 
-        A substep begins by adding the strain of the last velocities C: with it the strain is that of the positions.
-        """
+        A substep begins by adding the strain of the last velocities C: with it the strain is that of the positions."""
         e = np.ascontiguousarray(self.particles.read(self.particles.e).T, float)
         a = np.ascontiguousarray((self.progress.substep * C).T)
         rows = [(e[0], e[3], e[4]), (e[3], e[1], e[5]), (e[4], e[5], e[2])]
@@ -180,16 +188,3 @@ class Readings:
         if not self.particles.e:
             return np.tile(np.eye(3), (len(C), 1, 1))
         return np.eye(3) + self.strains(C).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-
-
-class Measured(Protocol):
-    """A solver, as observers know it."""
-
-    @property
-    def readings(self) -> Readings:
-        """Its readings."""
-        ...
-
-    def collider_pose(self, index: int) -> Pose:
-        """Return the pose of a collider."""
-        ...

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,19 +20,10 @@ from mpm.observers.counter_kernel import (
     NEWLY_EXITED,
     CounterKernel,
 )
-from mpm.observers.readings import Measured
 from mpm.scene.validation import read_array
 
 MAX_READINGS = 64
 """Readings in one advance."""
-
-
-class Counted(Measured, Protocol):
-    """A solver, as a counter knows it."""
-
-    def before_flags_change(self, counter: Any) -> None:
-        """Complete a pending checkpoint before the flags of an attached counter change."""
-        ...
 
 
 class Counts(NamedTuple):
@@ -94,10 +85,9 @@ class RegionCounter:
     """Counts the particles of a solver in regions, near a collider and out of bounds.
 
     counted: indices of the counted particles. counting: the fields of `Counting`. After `Solver.attach` it is evaluated
-    within advances.
-    """
+    within advances."""
 
-    def __init__(self, solver: Counted, counted: np.ndarray, **counting: Any) -> None:
+    def __init__(self, solver: Any, counted: np.ndarray, **counting: Any) -> None:
         given = Counting(**counting)
         fields = solver.readings.fields
         self._solver, self.tenure, self.particles = solver, solver.readings.tenure, fields.particles
@@ -129,8 +119,7 @@ class RegionCounter:
     def place(self, frame: Pose) -> None:
         """Move point, region, bounds and points with a frame, from where they were given to a pose of it.
 
-        Distances are measured along the axes of the world. Raises InvalidValue for what is no pose.
-        """
+        Distances are measured along the axes of the world. Raises InvalidValue for what is no pose."""
         self._set_state_aside()
         self.frame = check_pose("RegionCounter.place", frame)
         self._frame_numbers[:] = self.frame_numbers(self.frame)
@@ -174,8 +163,7 @@ class RegionCounter:
     def all_counts(self, rows: np.ndarray, per_particle: np.ndarray, readings: Iterable[int]) -> list[Counts]:
         """Return the counts of some readings of an advance, by their numbers.
 
-        rows (readings COUNTER_ROWS, 6), per_particle (readings, ...): what the kernel wrote for all of them.
-        """
+        rows (readings COUNTER_ROWS, 6), per_particle (readings, ...): what the kernel wrote for all of them."""
         return [self.counts_from(rows[COUNTER_ROWS * k : COUNTER_ROWS * (k + 1)], per_particle[k]) for k in readings]
 
     def counts_from(self, rows: np.ndarray, per_particle: np.ndarray) -> Counts:

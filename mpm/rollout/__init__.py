@@ -1,4 +1,3 @@
 """Differentiable rollouts: checkpoint schedule, losses, gradients by tool motion and material.
 
-Imports: adjoint, backend, errors, geometry, materials, observers, scene, state, stepping.
-"""
+Imports: adjoint, backend, errors, geometry, materials, observers, scene, state, stepping."""

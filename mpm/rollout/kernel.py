@@ -1,7 +1,6 @@
 """The adjoint kernel: many substeps in one launch, forwards with every state kept, or backwards over them."""
 
-from mpm.adjoint.node_tape import NodeTape
-from mpm.adjoint.particle_adjoints import ParticleAdjoints
+from mpm.adjoint.node_tape import NodeTape, ParticleAdjoints
 from mpm.adjoint.stress_update import ForwardIntermediates
 from mpm.adjoint.transfers import inside_bar
 from mpm.adjoint.wall_ghosts import WallTape
@@ -33,8 +32,7 @@ class Moved:
         self.side = ti.Vector.field(LANES, real, n_packs) if self.has_sides else None
         """Sides of shells during the substep: a state has those of the substep before."""
         self.place_of_side = next(i for i, field in enumerate(particles.state_fields) if field is particles.side) \
-            if self.has_sides else -1
-        """Among the fields of a state."""
+            if self.has_sides else -1  # among the fields of a state
 
 
 @ti.data_oriented
@@ -56,8 +54,7 @@ class AdjointKernel:
         self.depth = depth
         self.tape = WallTape(fields.grid, precision, depth)
         self.nodes = NodeTape(fields.grid, precision, depth)
-        self.begin = ti.field(ti.i32, history.slots)
-        """First slot of the stride that a slot's substep belongs to."""
+        self.begin = ti.field(ti.i32, history.slots)  # first slot of the stride that a slot's substep belongs to
         self.parameter_bars = ti.field(ti.f64, (fields.parameters.densities.shape[0], PARAMETERS))
         """Adjoints of the parameters of each body's law."""
         self.products = ti.Vector.field(4, real_type(precision), 3)

@@ -10,26 +10,17 @@ from mpm.adjoint.node_tape import start_nodes_back
 from mpm.adjoint.shell_contact import stop_at_shells_back
 from mpm.adjoint.transfers import gather_back, scatter_back
 from mpm.adjoint.wall_ghosts import fold_walls_back, unfold_walls_back
+from mpm.errors import InvalidValue
 from mpm.state.fields import Fields
-from mpm.stepping.phases import Phase, phases_of
+from mpm.stepping.core import Core
+from mpm.stepping.phases import phases_of
 
 ADJOINTS: dict[str, Callable | None] = {
-    "label nodes": None,
-    "label particles": None,
-    "list particles": None,
-    "start nodes": start_nodes_back,
-    "scatter": scatter_back,
-    "scatter across shells": None,
-    "fold walls": fold_walls_back,
-    "update nodes": update_nodes_back,
-    "unfold walls": unfold_walls_back,
-    "start block list": None,
-    "check speeds": None,
-    "gather": gather_back,
-    "gather across shells": None,
-    "stop at shells": stop_at_shells_back,
-    "stop penetration": stop_penetration_back,
-}
+    "label nodes": None, "label particles": None, "list particles": None, "start nodes": start_nodes_back,
+    "scatter": scatter_back, "scatter across shells": None, "fold walls": fold_walls_back,
+    "update nodes": update_nodes_back, "unfold walls": unfold_walls_back, "start block list": None,
+    "check speeds": None, "gather": gather_back, "gather across shells": None, "stop at shells": stop_at_shells_back,
+    "stop penetration": stop_penetration_back}
 """Name of a phase -> its adjoint; None: nothing that it changes has a derivative, or that of another phase has it:
 transfers are reversed in one for all particles, those across shells among them."""
 
@@ -37,30 +28,55 @@ transfers are reversed in one for all particles, those across shells among them.
 class ReverseStep(NamedTuple):
     """What an adjoint needs to know of the substep that it reverses; made inside a kernel, of Taichi values."""
 
-    row: Any
-    """Row of the motion table."""
-    place: Any
-    """Number of the substep in its stride."""
-    span: Any
-    """Substeps of the stride that ends with this one, 0 within a stride."""
-    slot: Any
-    """Slot of the history with the state before the substep."""
-    dt: Any
-    """[s]"""
-    transfer_mass: Any
-    """1 where nodes took momentum and mass from the particles."""
-    motion: Any
-    """Motion table (1, n, COLUMNS) of the tool."""
-    motion_bar: Any
-    """Its adjoint (n, COLUMNS), added to."""
-
-
-def phases_without_adjoint(fields: Fields) -> list[Phase]:
-    """Return the phases of a scene that cannot be reversed."""
-    return [phase for phase in phases_of(fields) if phase.name not in ADJOINTS]
+    row: Any  # row of the motion table
+    place: Any  # number of the substep in its stride
+    span: Any  # substeps of the stride that ends with this one, 0 within a stride
+    slot: Any  # slot of the history with the state before the substep
+    dt: Any  # [s]
+    transfer_mass: Any  # 1 where nodes took momentum and mass from the particles
+    motion: Any  # motion table (1, n, COLUMNS) of the tool
+    motion_bar: Any  # its adjoint (n, COLUMNS), added to
 
 
 def reverse_phases(fields: Fields) -> list[Callable]:
     """Return the adjoints of a scene's phases in the order in which they are run."""
     adjoints = [ADJOINTS[phase.name] for phase in reversed(phases_of(fields))]
     return [adjoint for adjoint in adjoints if adjoint is not None]
+
+
+def check_differentiable(core: Core) -> None:
+    """Raise InvalidValue for a scene with something that has no adjoint."""
+    features = core.features
+    if not features.serial:
+        raise InvalidValue("Rollout: the solver has several threads; accepted: one of mpm.init(threads=1)")
+    missing = [phase.because for phase in phases_of(core.fields)
+               if phase.name not in ADJOINTS]
+    missing += ["a body acceleration"] if features.body_acceleration else []
+    if missing:
+        raise InvalidValue(f"Rollout: the scene has {missing[0]}, which is not differentiated; accepted: "
+                           "colliders that are static or given a motion, walls, gravity; sleep=False")
+    if len(features.moving_colliders) > 1:
+        raise InvalidValue(f"Rollout: {len(features.moving_colliders)} colliders can move; accepted: one tool at most, "
+                           f"the others static")
+    for body in core.scene.bodies:
+        law = type(body.material)
+        for function in ["stress", "return_mapping"] if law.plastic else ["stress"]:
+            check_adjoint(law, function, "a law", "mpm.materials.material.Material")
+    for condition in core.fields.wall_conditions:
+        check_adjoint(type(condition), "slide", "a wall condition", "mpm.scene.wall_condition.WallCondition")
+
+
+def check_adjoint(owner: type, function: str, what: str, protocol: str) -> None:
+    """Raise InvalidValue for a class without the adjoint of one of its Taichi functions.
+    An adjoint that is inherited while the function is not would be that of another function."""
+    adjoint = f"{function}_back"
+    ranks = [next((rank for rank, base in enumerate(owner.__mro__) if name in vars(base)), 0)
+             for name in (function, adjoint)]
+    reason = ""
+    if not hasattr(owner, adjoint):
+        reason = f"has no {adjoint}"
+    elif ranks[0] < ranks[1]:
+        reason = f"has a {function} of its own, but the {adjoint} of {owner.__mro__[ranks[1]].__name__}"
+    if reason:
+        raise InvalidValue(f"Rollout: {owner.__name__} {reason}; {what} is differentiated through its own adjoints, "
+                           f"see {protocol}")

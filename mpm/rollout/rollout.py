@@ -14,16 +14,15 @@ from mpm.geometry.rigid_motion import COLUMNS, Pose
 from mpm.materials.stable_step import accepted_bound, check_step, travel_bound
 from mpm.observers.diagnostics import describe_divergence
 from mpm.rollout import tool_twists
-from mpm.rollout.differentiable import check_differentiable
 from mpm.rollout.gradients import Gradients, material_gradients
 from mpm.rollout.kernel import AdjointKernel
 from mpm.rollout.losses import Loss, LossGradient, RolloutStates
-from mpm.rollout.options import RolloutOptions
-from mpm.rollout.schedule import Schedule, plan_schedule
+from mpm.rollout.phases import check_differentiable
+from mpm.rollout.schedule import RolloutOptions, Schedule, plan_schedule
 from mpm.scene.validation import read_real
 from mpm.state.packs import LANES
 from mpm.state.particles import SPEED_LIMIT
-from mpm.stepping.core import HasCore
+from mpm.stepping.core import Core
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import MAX_SUBSTEPS, longest_stride
 
@@ -35,11 +34,10 @@ class Rollout:
     `RolloutOptions`, such as `step_dt` [s].
 
     The length of strides is constant in the gradient. A rollout compiles its kernels: make one and call
-    `restart`; `close` frees its memory. Raises InvalidValue for a scene or an argument that is not accepted.
-    """
+    `restart`; `close` frees its memory. Raises InvalidValue for a scene or an argument that is not accepted."""
 
-    def __init__(self, solver: HasCore, n_steps: int, **options: Any) -> None:
-        core = solver.core
+    def __init__(self, solver: Any, n_steps: int, **options: Any) -> None:
+        core: Core = solver.core
         check_differentiable(core)
         if n_steps != int(n_steps) or n_steps < 1:
             raise InvalidValue(f"Rollout: n_steps = {n_steps}; accepted: a whole number, 1 or more")
@@ -89,8 +87,7 @@ class Rollout:
         """Return the loss of the rollout for a motion of the tool.
 
         linear [m/s], angular [rad/s]: twist of the tool in each step, in world axes, (n_steps, 3); None without a tool.
-        Afterwards the solver is at the end of the rollout, after an error at its start. Raises SimulationDiverged.
-        """
+        Afterwards the solver is at the end of the rollout, after an error at its start. Raises SimulationDiverged."""
         self._set_twists(linear, angular)
         total = 0.0
         with self._restoring_start():
@@ -107,11 +104,10 @@ class Rollout:
         """Return the loss and its derivatives with respect to linear and angular, (n_steps, 3) each.
 
         `last` has the other derivatives. Afterwards the solver is as after `value`. Raises SimulationDiverged, and
-        GradientDiverged if a derivative is not finite.
-        """
+        GradientDiverged if a derivative is not finite."""
         self._set_twists(linear, angular)
         self._loss = loss
-        self._kernel.bars.clear()
+        self._kernel.bars.packs.clear()
         self._kernel.parameter_bars.fill(0.0)
         self._total = 0.0
         self._table_bar = np.zeros((self.n_steps, self.substeps, COLUMNS))
@@ -170,7 +166,8 @@ class Rollout:
                                    f"{math.ceil(self.step_dt / longest)} substeps a step; give substeps= that many, "
                                    f"now {self.substeps}")
         self._path = tool_twists.integrate_twists(start, *arrays, self.step_dt)
-        table = tool_twists.motion_rows_of_path(self._path, *arrays, self.step_dt, self.substeps)
+        table = tool_twists.motion_rows(self._path.positions[:-1], self._path.matrices[:-1],
+                                        *(self.step_dt * array for array in arrays), self.step_dt, self.substeps)
         self._table = table.astype(self._core.dtype)
         self.forward_steps = 0
 
@@ -285,7 +282,7 @@ class Rollout:
         while last > begin:
             first = max(begin, (last - 1) // window * window)
             if last % window == 0 and last < self.n_steps:
-                self._kernel.bars.clear()
+                self._kernel.bars.packs.clear()
             self._reverse_launch(begin, first, last, packed)
             last = first
 

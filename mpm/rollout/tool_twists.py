@@ -49,11 +49,6 @@ def motion_rows(position: np.ndarray, matrix: np.ndarray, shift: np.ndarray, tur
     return np.concatenate([places, axes.reshape(*axes.shape[:-2], 9), linear, angular], -1)
 
 
-def motion_rows_of_path(path: ToolPath, linear: np.ndarray, angular: np.ndarray, dt: float, n: int) -> np.ndarray:
-    """Return the motion table (steps, n, COLUMNS) of all steps."""
-    return motion_rows(path.positions[:-1], path.matrices[:-1], dt * linear, dt * angular, dt, n)
-
-
 class TwistGradient(NamedTuple):
     """Derivatives by the twists, linear (n, 3) and angular (n, 3), and by the start's position (3,) and a turn of the
     start in world axes (3,)."""

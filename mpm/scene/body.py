@@ -53,11 +53,6 @@ def with_volume(body: Body, volume: float) -> Body:
     return with_values(body, volume=float(volume))
 
 
-def with_material(body: Body, material: Material) -> Body:
-    """Return a body with other numbers of its law: a material of the same class, whose members are checked already."""
-    return with_values(body, material=material)
-
-
 def half_edge(volume: float) -> float:
     """Return half the edge [m] of a particle's cube."""
     return 0.5 * float(np.cbrt(volume))

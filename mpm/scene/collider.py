@@ -9,7 +9,7 @@ from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import Pose, check_pose
 from mpm.geometry.shape import Shape
 from mpm.scene.orifice import Orifice
-from mpm.scene.validation import describe, with_values
+from mpm.scene.validation import describe
 
 OBLIQUE = 0.7
 """Cosine of the largest angle between a hole's axis and the shell's normal."""
@@ -20,8 +20,7 @@ class Collider:
     """A solid or a thin shell with Coulomb friction.
 
     Raises InvalidValue for a negative friction, for what is neither a shape nor a shell, for a pose that is not finite,
-    for a collider that is static and mobile, or a static shell, and for orifices that are not in its shell.
-    """
+    for a collider that is static and mobile, or a static shell, and for orifices that are not in its shell."""
 
     sdf: Shape
     """Its signed distance, see `Sdf` and `Shell`."""
@@ -53,12 +52,6 @@ class Collider:
             if not self.sdf.is_thin:
                 raise InvalidValue(f"Collider: orifices in a {type(self.sdf).__name__}; accepted: in a mpm.Shell")
             normals_at(self.sdf, orifice)
-
-
-def with_friction(collider: Collider, friction: float) -> Collider:
-    """Return a collider with another friction; raise InvalidValue for a negative one."""
-    check_friction(friction)
-    return with_values(collider, friction=friction)
 
 
 def check_friction(friction: float) -> None:

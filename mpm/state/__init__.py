@@ -1,4 +1,3 @@
 """Run-time fields: particles, nodes and active blocks, parameters, the impulse ledger, saved states.
 
-Imports: backend, errors, materials, scene.
-"""
+Imports: backend, errors, materials, scene."""

@@ -125,19 +125,13 @@ class SubstepCounter:
     """Hands out numbers that no substep has had."""
 
     def __init__(self) -> None:
-        self.last = 0
-        """Number of the last substep."""
-        self.is_listed = False
-        """Whether the blocks of the next substep are on the grid's list."""
+        self.last = 0  # number of the last substep
+        self.is_listed = False  # whether the blocks of the next substep are on the grid's list
 
     @property
     def next(self) -> int:
         """Number of the next substep."""
         return self.last + 1
-
-    def restart(self) -> None:
-        """Skip a number: blocks that the last advance listed for its next substep carry it."""
-        self.last += 1
 
     def pass_substeps(self, count: int) -> None:
         """Count substeps whose blocks were listed as they ran."""

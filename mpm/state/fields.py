@@ -11,7 +11,7 @@ from mpm.materials.hencky_strain import INTEGRATORS
 from mpm.materials.material import Material
 from mpm.scene.collider import Collider
 from mpm.scene.features import Features
-from mpm.scene.grid import GHOST, Grid
+from mpm.scene.grid import GHOST
 from mpm.scene.scene import Scene
 from mpm.scene.wall_condition import WallCondition
 from mpm.scene.walls import conditions_of
@@ -32,10 +32,8 @@ class Fields:
     particles: ParticleFields
     grid: GridFields
     parameters: Parameters
-    laws: tuple[Material, ...]
-    """One material of each law: what is compiled grows with these, not with the bodies."""
-    wall_conditions: tuple[WallCondition, ...]
-    """One condition of each class that the walls use."""
+    laws: tuple[Material, ...]  # one material of each law: what is compiled grows with these, not with the bodies
+    wall_conditions: tuple[WallCondition, ...]  # one condition of each class that the walls use
     colliders: tuple[Collider, ...]
     static_contact: StaticContact | None
     shells: ShellFields | None
@@ -49,15 +47,11 @@ class Fields:
     """Node field that particles scatter to: that of `grid`, or `parts` arrays, one after the other along x."""
     parts: int
     """Arrays that threads scatter to before these are added up; 0: particles scatter to the nodes."""
-    cell: float
-    """dx [m]"""
-    origin: tuple[float, float, float]
-    """Position [m] of node (0, 0, 0)."""
-    cells: tuple[int, int, int]
-    """Cells along each axis, between the walls."""
+    cell: float  # dx [m]
+    origin: tuple[float, float, float]  # position [m] of node (0, 0, 0)
+    cells: tuple[int, int, int]  # cells along each axis, between the walls
     rows: LedgerRows
-    substep_counter: SubstepCounter
-    """Numbers of substeps, which active blocks carry."""
+    substep_counter: SubstepCounter  # numbers of substeps, which active blocks carry
 
     @property
     def real(self) -> Any:
@@ -148,11 +142,16 @@ def allocate_fields(scene: Scene, features: Features) -> Fields:
         nx, ny, nz = nodes.nodes.shape
         target = ti.Vector.field(4, real_type(precision), (parts * nx, ny, nz))
     ready = [replace(c, sdf=c.sdf.bake(grid.cell)) for c in colliders]
-    shells = _shell_fields(grid, features, particles.n_lanes)
+    shells = None
+    if features.shells:
+        lists_entering = is_shared() and bool(set(features.shells) & set(features.mobile))
+        shells = ShellFields(grid, precision, particles.n_lanes, lists_entering)
     mobile = None
     if features.mobile:
-        mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision, parts,
-                               bool(features.orifices))
+        # how many nodes, of all layers, a ball of a collider's radius can hold
+        across = [2.0 * ready[i].sdf.radius / grid.cell + 2.0 for i in features.mobile]
+        room = [int(min(nodes.layers * int(n**3), np.prod(nodes.nodes.shape))) for n in across]
+        mobile = MobileContact(room, precision, parts, bool(features.orifices))
     penetrating = None
     if not features.serial and set(features.mobile) & set(features.moving_solids):
         penetrating = PenetratingParticles(particles.n_lanes * len(features.moving_solids), max(parts, 1))
@@ -169,14 +168,6 @@ def allocate_fields(scene: Scene, features: Features) -> Fields:
         parameters=Parameters(len(bodies), len(colliders), precision),
         substep_counter=SubstepCounter(), scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z),
         cells=(nx, ny, nz), rows=ledger_rows(len(colliders)))
-
-
-def _shell_fields(grid: Grid, features: Features, n_lanes: int) -> ShellFields | None:
-    """Return the fields of the shells, if there are any."""
-    if not features.shells:
-        return None
-    lists_entering = is_shared() and bool(set(features.shells) & set(features.mobile))
-    return ShellFields(grid, features.precision, n_lanes, lists_entering)
 
 
 def fill_fields(fields: Fields, scene: Scene) -> None:

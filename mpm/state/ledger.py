@@ -17,16 +17,14 @@ class LedgerRows(NamedTuple):
     """Where what a launch sums stands in its output (rows, 6)."""
 
     first_collider: int
-    momentum: int
-    """Linear and angular momentum of all particles."""
+    momentum: int  # linear and angular momentum of all particles
     status: int
     """Sum of squared velocities, largest speed [m/s], substeps until the launch was halted, particles held at walls."""
     walls: int
     """The first of six rows: what each wall adds to `WALL_ROW`, in the order of folding."""
     asleep: int
     """What sleeping particles give to those awake, see `mpm.stepping.sleep_contributions`."""
-    count: int
-    """Rows, without those of a counter."""
+    count: int  # rows, without those of a counter
 
 
 def ledger_rows(n_colliders: int) -> LedgerRows:
@@ -39,10 +37,8 @@ def ledger_rows(n_colliders: int) -> LedgerRows:
 class Stripe(NamedTuple):
     """One of several copies of a launch's output: threads that add to the same number wait for each other."""
 
-    rows: Any
-    """All copies, one after the other."""
-    first: Any
-    """First row of this one."""
+    rows: Any  # all copies, one after the other
+    first: Any  # first row of this one
 
 
 def add_stripes(out: np.ndarray, stripes: np.ndarray, status: int) -> None:

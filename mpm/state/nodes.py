@@ -21,8 +21,7 @@ class GridFields:
         self.nodes = ti.Vector.field(4, real, (layers * nx, ny, nz))
         """(momentum, mass) after the scatter, (velocity, mass) after the grid update."""
         blocks = (layers * nx // BLOCK, ny // BLOCK, nz // BLOCK)
-        self.stamp = ti.field(ti.i32, blocks)
-        """Number of the substep in which the block was last active."""
+        self.stamp = ti.field(ti.i32, blocks)  # number of the substep in which the block was last active
         self.reached = ti.field(ti.i32, (parts, *blocks)) if parts else None
         """Number of the substep for which a part of the packs last scattered to the block."""
         self.rows = None if lists else ti.field(ti.i32, blocks[:2])
@@ -30,15 +29,8 @@ class GridFields:
         self.seed = ti.Vector.field(2, ti.i32, blocks)
         """Substep in which a stencil last started in the block, and bits for the faces that stencils reach over; where
         marking does not list, the substep for which it was listed."""
-        self.active = ti.Vector.field(3, ti.i32, int(np.prod(blocks)))
-        """Indices of the active blocks."""
-        self.count = ti.field(ti.i32, ())
-        """Number of active blocks."""
-
-    def nodes_near(self, radius: float) -> int:
-        """Return how many nodes, of all layers, a ball of this radius [m] can hold."""
-        across = 2.0 * radius / self.cell + 2.0
-        return int(min(self.layers * int(across**3), np.prod(self.nodes.shape)))
+        self.active = ti.Vector.field(3, ti.i32, int(np.prod(blocks)))  # indices of the active blocks
+        self.count = ti.field(ti.i32, ())  # number of active blocks
 
 
 @ti.func

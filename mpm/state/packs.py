@@ -34,6 +34,14 @@ def read_lane(field: ti.template(), slot):
 
 
 @ti.func
+def is_near(fields: ti.template(), x: ti.template(), q, place, radius: ti.template()):
+    """Return whether a particle of pack q, of coordinates x, lies within a radius [m] of a place [m] in the world."""
+    d2 = (x[0][q] + fields.origin[0] - place[0]) ** 2 + (x[1][q] + fields.origin[1] - place[1]) ** 2 \
+        + (x[2][q] + fields.origin[2] - place[2]) ** 2
+    return d2.min() < ti.static(radius**2)
+
+
+@ti.func
 def count_packs(fields: ti.template()):
     """Return the number of packs that phases run over."""
     count = 0

@@ -16,12 +16,6 @@ def laws_of(bodies: list[Body]) -> list[Material]:
     return list({type(body.material): body.material for body in reversed(bodies)}.values())[::-1]
 
 
-def law_indices(bodies: list[Body]) -> list[int]:
-    """Return for each body the place of its law in `laws_of`."""
-    kinds = [type(law) for law in laws_of(bodies)]
-    return [kinds.index(type(body.material)) for body in bodies]
-
-
 @ti.data_oriented
 class Parameters:
     """Run-time fields that the kernels read."""
@@ -29,32 +23,26 @@ class Parameters:
     def __init__(self, n_bodies: int, n_colliders: int, precision: str) -> None:
         real = real_type(precision)
         dtype = np.float64 if precision == "f64" else np.float32
-        self.law = ti.field(real, (n_bodies, PARAMETERS))
-        """Parameters of each body's law."""
-        self.law_index = ti.field(ti.i32, n_bodies)
-        """Place of each body's law among the scene's laws."""
+        self.law = ti.field(real, (n_bodies, PARAMETERS))  # parameters of each body's law
+        self.law_index = ti.field(ti.i32, n_bodies)  # place of each body's law among the scene's laws
         self._write = Launcher(self, Parameters._write_numbers)
         self._laws, self._densities = np.zeros((n_bodies, PARAMETERS), dtype), np.zeros(n_bodies, dtype)
         self._frictions = np.zeros(max(n_colliders, 1), dtype)
-        self.densities = ti.field(real, n_bodies)
-        """[kg/m^3] of each body."""
-        self.frictions = ti.field(real, max(n_colliders, 1))
-        """Coulomb coefficient of each collider."""
-        self.half_thickness = ti.field(real, max(n_colliders, 1))
-        """Half thickness [m] of each collider that is a shell."""
+        self.densities = ti.field(real, n_bodies)  # [kg/m^3] of each body
+        self.frictions = ti.field(real, max(n_colliders, 1))  # Coulomb coefficient of each collider
+        self.half_thickness = ti.field(real, max(n_colliders, 1))  # half thickness [m] of each collider that is a shell
         self.zero = ti.field(real, ())
         """0, unknown to the compiler: a vector with a literal zero is taken apart into scalars (twice the time)."""
-        self.gravity = ti.Vector.field(3, real, ())
-        """[m/s^2]"""
+        self.gravity = ti.Vector.field(3, real, ())  # [m/s^2]
         self.wall_numbers = ti.Vector.field(WALL_PARAMETERS, real, WALL_COUNT)
         """Numbers of each side's condition, in the order of folding."""
-        self.walls = ti.field(ti.i32, (WALL_COUNT, WALL_COLUMNS))
-        """The six sides, see `wall_table`."""
+        self.walls = ti.field(ti.i32, (WALL_COUNT, WALL_COLUMNS))  # the six sides, see `wall_table`
 
     def fill(self, scene: Scene) -> None:
         """Write the numbers of a scene."""
         bodies, colliders = scene.bodies, scene.colliders
-        put(self.law_index, np.array(law_indices(bodies), np.int32))
+        kinds = [type(law) for law in laws_of(bodies)]
+        put(self.law_index, np.array([kinds.index(type(body.material)) for body in bodies], np.int32))
         self._laws[:] = 0.0
         self._frictions[:] = [c.friction for c in colliders] or [0.0]
         for index, body in enumerate(bodies):

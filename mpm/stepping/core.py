@@ -1,7 +1,6 @@
 """The core of a solver, which batches and rollouts share: scene, fields, readings, settings, paths, checkpoints."""
 
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -11,10 +10,9 @@ from mpm.boundaries.node_contact import cache_static_contact
 from mpm.materials.stable_step import choose_step, material_bound
 from mpm.motion.collider_paths import ColliderPaths
 from mpm.motion.mobility_table import MobilityTable
-from mpm.observers.progress import Progress
-from mpm.observers.readings import Readings
+from mpm.observers.reading_kernels import Sample
+from mpm.observers.readings import Progress, Readings
 from mpm.observers.region_counter import RegionCounter
-from mpm.observers.sample import Sample
 from mpm.scene.features import features_of
 from mpm.scene.grid import ROUNDING
 from mpm.scene.scene import Numerics, Scene
@@ -34,8 +32,7 @@ class Core:
         self.scene, self.numerics, self._has_accelerations = scene, numerics, has_accelerations
         self.precision, self.sleep = numerics.precision or "", float(numerics.sleep)
         materials = [body.material for body in scene.bodies]
-        self.dt = choose_step(numerics.dt, scene.grid.cell, materials)
-        """Largest substep [s]."""
+        self.dt = choose_step(numerics.dt, scene.grid.cell, materials)  # largest substep [s]
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
         bound = min(material_bound(scene.grid.cell, material) for material in materials)
@@ -116,9 +113,3 @@ class Core:
         for fields, values in zip(named.values(), arrays):
             particles.write(fields, values)
         self.rollback.adopt_state(poses, time, steps)
-
-
-class HasCore(Protocol):
-    """A solver, as batches and rollouts know it."""
-
-    core: Core

@@ -12,7 +12,7 @@ from mpm.backend import once, ti
 from mpm.backend.launching import Launcher
 from mpm.boundaries.coulomb import collider_axes, collider_origin
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
-from mpm.observers.sample import SampleKernel
+from mpm.observers.reading_kernels import SampleKernel
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.ledger import Stripe, add, add_stripes, maximise
@@ -37,8 +37,7 @@ from mpm.stepping.thread_group import (
 
 ARGUMENTS = len(Launch._fields) - len(Launch._field_defaults)
 """Arguments of `CpuStepper.run`, without the numbers of the thread group."""
-NOWHERE, CHECKPOINT, UNDO = range(3)
-"""Where a launch first copies the state to."""
+NOWHERE, CHECKPOINT, UNDO = range(3)  # where a launch first copies the state to
 RETRY_AFTER = 1.0
 """Seconds after which a thread that was left alone tries again whether the others have cores."""
 
@@ -58,10 +57,8 @@ class CpuStepper:
         self.threads = max(fields.parts, 1)
         self.numbers, self._retry_at = np.zeros(3, np.int64), 0.0
         """Of the group, see there; and when a thread that was left alone tries again with the others [s]."""
-        self._stripes = np.zeros((0, 6))
-        """What each thread adds to the ledger."""
-        self.fastest = ti.field(fields.real, self.threads)
-        """Largest squared speed [m^2/s^2] that each thread has found."""
+        self._stripes = np.zeros((0, 6))  # what each thread adds to the ledger
+        self.fastest = ti.field(fields.real, self.threads)  # largest squared speed [m^2/s^2] that each thread has found
         self.has_counter, self.has_sample = counter is not None, sample is not None
         self.counter_row = fields.features.moving_colliders.index(counter.index) if self.has_counter else -1
         """Row of the counter's collider in the motion table."""

@@ -6,8 +6,8 @@ runs them forwards, and backwards through the adjoint that each names."""
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
-from mpm.boundaries.grid_update import update_nodes
 from mpm.boundaries.mobile_contact import solve_mobile_contact
+from mpm.boundaries.node_contact import update_nodes
 from mpm.boundaries.orifice_flow import pass_orifices
 from mpm.boundaries.particle_contact import order_penetrating, stop_penetrating, stop_penetration
 from mpm.boundaries.periodic import activate_home_nodes, fold_periodic, mark_images, unfold_periodic
@@ -19,8 +19,7 @@ from mpm.state.fields import Fields
 from mpm.stepping.sleep_check import activate_sides
 from mpm.stepping.sleep_contributions import add_sleepers, settle_with_sleepers
 from mpm.transfers.cell_rates import clear_rates, sum_rates
-from mpm.transfers.constitutive_update import scatter_packs
-from mpm.transfers.to_grid import add_parts, start_nodes
+from mpm.transfers.to_grid import add_parts, scatter_packs, start_nodes
 from mpm.transfers.to_particles import check_speeds, gather_packs, list_blocks, start_block_list
 
 Domain = Literal["packs", "packs in order", "blocks", "walls", "rows", "listed", "entering in order", "team", "once"]
@@ -32,64 +31,40 @@ of threads of a GPU, or one thread. "In order": by one thread of a CPU, as the r
 class Step(NamedTuple):
     """What a phase needs to know of a substep; made inside a kernel, of Taichi values."""
 
-    row: Any
-    """Row of the motion table."""
-    stamp: Any
-    """Number of the first substep of the stride, which active blocks carry."""
-    dt: Any
-    """[s]"""
+    row: Any  # row of the motion table
+    stamp: Any  # number of the first substep of the stride, which active blocks carry
+    dt: Any  # [s]
     transfer_mass: Any
     """1 where nodes take momentum and mass from the particles, 0 where they keep those of the previous substep."""
     span: Any
     """Substeps of the stride that ends with this one, after which particles move; 0 within a stride."""
-    motion: Any
-    """Motion table (k, n, COLUMNS) of the moving colliders."""
-    mobile: Any
-    """Table of the mobile colliders, see `mobile_motion`."""
-    out: Any
-    """Ledger and status (rows, 6)."""
-    tape: Any = NoTape()
-    """Records walls for the adjoint."""
-    part: Any = 0
-    """Number of the part of the domain that this call works on."""
-    thread: Any = 0
-    """Number of this thread among those that share a block of nodes."""
-    threads: int = 1
-    """How many these are: 1, or as many as nodes."""
-    column: Any = 0
-    """Number of this thread among those that share a block's columns at a wall."""
-    columns: int = 1
-    """How many these are: 1, or as many as columns."""
+    motion: Any  # motion table (k, n, COLUMNS) of the moving colliders
+    mobile: Any  # table of the mobile colliders, see `mobile_motion`
+    out: Any  # ledger and status (rows, 6)
+    tape: Any = NoTape()  # records walls for the adjoint
+    part: Any = 0  # number of the part of the domain that this call works on
+    thread: Any = 0  # number of this thread among those that share a block of nodes
+    threads: int = 1  # how many these are: 1, or as many as nodes
+    column: Any = 0  # number of this thread among those that share a block's columns at a wall
+    columns: int = 1  # how many these are: 1, or as many as columns
 
 
 class Launch(NamedTuple):
     """The arguments of a launch: substeps of one scene, and the arrays that they read and write."""
 
     substeps: Any
-    stamp: Any
-    """Number of the first substep."""
-    dt: Any
-    """[s]"""
-    motion: Any
-    """Motion table (k, substeps, COLUMNS) of the moving colliders."""
-    mobile: Any
-    """Table of the mobile colliders, read and written."""
-    out: Any
-    """Written: ledger, status and the counter's readings (rows, 6)."""
-    done: Any
-    """Substeps of the advance in earlier launches."""
-    interval: Any
-    """Substeps between two readings of the counter."""
-    per_particle: Any
-    """Written: the counter's values of particles."""
-    sampled: Any
-    """Written: the sample after the last substep."""
-    copy_to: Any
-    """Place that the state is first copied to: NOWHERE, CHECKPOINT or UNDO."""
-    max_stride: Any
-    """The most substeps between two transfers."""
-    first_row: Any = 0
-    """Row of the motion table of the first substep."""
+    stamp: Any  # number of the first substep
+    dt: Any  # [s]
+    motion: Any  # motion table (k, substeps, COLUMNS) of the moving colliders
+    mobile: Any  # table of the mobile colliders, read and written
+    out: Any  # written: ledger, status and the counter's readings (rows, 6)
+    done: Any  # substeps of the advance in earlier launches
+    interval: Any  # substeps between two readings of the counter
+    per_particle: Any  # written: the counter's values of particles
+    sampled: Any  # written: the sample after the last substep
+    copy_to: Any  # place that the state is first copied to: NOWHERE, CHECKPOINT or UNDO
+    max_stride: Any  # the most substeps between two transfers
+    first_row: Any = 0  # row of the motion table of the first substep
     earlier: Any = 0
     """Readings of other environments that stand before those of this one in `per_particle`."""
 
@@ -103,58 +78,57 @@ class Phase(NamedTuple):
     over: Domain
     run: Callable
     is_needed: Callable[[Fields], bool]
-    because: str
-    """What in a scene asks for it."""
-
-
-def _always(fields: Fields) -> bool:
-    return True
+    because: str  # what in a scene asks for it
 
 
 def _lists_later(fields: Fields) -> bool:
     return not fields.grid.lists
 
 
-CELL_RATES = 'a fluid with volume_rate="cell"'
+def _has_shells(fields: Fields) -> bool:
+    return bool(fields.features.shells)
+
+
+ALWAYS = (lambda f: True), "every scene"
+SHELL, PERIODIC = (_has_shells, "a shell"), ((lambda f: f.is_periodic), "a periodic side")
+SLEEP, MOBILE = ((lambda f: f.features.sleep), "sleeping"), ((lambda f: bool(f.features.mobile)), "a mobile collider")
+WALL = (lambda f: bool(f.wall_conditions)), "a wall"
+CELL_RATES = (lambda f: f.features.cell_rates), 'a fluid with volume_rate="cell"'
 ORDER = (
-    Phase("start mobile colliders", "once", start_mobile_colliders, lambda f: bool(f.features.mobile),
-          "a mobile collider"),
+    Phase("start mobile colliders", "once", start_mobile_colliders, *MOBILE),
     Phase("list blocks", "rows", list_blocks, _lists_later, "several threads"),
-    Phase("activate sides", "once", activate_sides, lambda f: f.features.sleep, "sleeping"),
-    Phase("activate home nodes", "blocks", activate_home_nodes, lambda f: f.is_periodic, "a periodic side"),
-    Phase("list blocks of home nodes", "rows", list_blocks, lambda f: f.is_periodic and _lists_later(f),
-          "a periodic side"),
-    Phase("label nodes", "blocks", label_nodes, lambda f: bool(f.features.shells), "a shell"),
-    Phase("list blocks of second layer", "rows", list_blocks, lambda f: bool(f.features.shells) and _lists_later(f),
-          "a shell"),
+    Phase("activate sides", "once", activate_sides, *SLEEP),
+    Phase("activate home nodes", "blocks", activate_home_nodes, *PERIODIC),
+    Phase("list blocks of home nodes", "rows", list_blocks, lambda f: f.is_periodic and _lists_later(f), PERIODIC[1]),
+    Phase("label nodes", "blocks", label_nodes, *SHELL),
+    Phase("list blocks of second layer", "rows", list_blocks, lambda f: _has_shells(f) and _lists_later(f), SHELL[1]),
     Phase("activate home nodes of second layer", "blocks", activate_home_nodes,
-          lambda f: bool(f.features.shells) and f.is_periodic, "a shell and a periodic side"),
-    Phase("list their blocks", "rows", list_blocks,
-          lambda f: bool(f.features.shells) and f.is_periodic and _lists_later(f), "a shell and a periodic side"),
-    Phase("label particles", "packs", label_particles, lambda f: bool(f.features.shells), "a shell"),
-    Phase("list particles", "packs in order", list_particles, lambda f: bool(f.features.shells), "a shell"),
+          lambda f: _has_shells(f) and f.is_periodic, "a shell and a periodic side"),
+    Phase("list their blocks", "rows", list_blocks, lambda f: _has_shells(f) and f.is_periodic and _lists_later(f),
+          "a shell and a periodic side"),
+    Phase("label particles", "packs", label_particles, *SHELL),
+    Phase("list particles", "packs in order", list_particles, *SHELL),
     Phase("start nodes", "blocks", start_nodes, lambda f: not f.parts, "every scene"),
-    Phase("clear rates of cells", "blocks", clear_rates, lambda f: f.features.cell_rates, CELL_RATES),
-    Phase("sum rates of cells", "packs in order", sum_rates, lambda f: f.features.cell_rates, CELL_RATES),
-    Phase("scatter", "packs", scatter_packs, _always, "every scene"),
-    Phase("scatter across shells", "listed", scatter_across_shells, lambda f: bool(f.features.shells), "a shell"),
+    Phase("clear rates of cells", "blocks", clear_rates, *CELL_RATES),
+    Phase("sum rates of cells", "packs in order", sum_rates, *CELL_RATES),
+    Phase("scatter", "packs", scatter_packs, *ALWAYS),
+    Phase("scatter across shells", "listed", scatter_across_shells, *SHELL),
     Phase("add parts", "blocks", add_parts, lambda f: f.parts > 0, "several threads"),
-    Phase("add sleepers", "blocks", add_sleepers, lambda f: f.features.sleep, "sleeping"),
-    Phase("fold periodic sides", "blocks", fold_periodic, lambda f: f.is_periodic, "a periodic side"),
-    Phase("mark images", "blocks", mark_images, lambda f: f.is_periodic, "a periodic side"),
-    Phase("fold walls", "walls", fold_walls, lambda f: bool(f.wall_conditions), "a wall"),
-    Phase("update nodes", "blocks", update_nodes, _always, "every scene"),
-    Phase("solve mobile contact", "team", solve_mobile_contact, lambda f: bool(f.features.mobile),
-          "a mobile collider"),
-    Phase("unfold walls", "walls", unfold_walls, lambda f: bool(f.wall_conditions), "a wall"),
-    Phase("unfold periodic sides", "blocks", unfold_periodic, lambda f: f.is_periodic, "a periodic side"),
-    Phase("settle with sleepers", "blocks", settle_with_sleepers, lambda f: f.features.sleep, "sleeping"),
-    Phase("start block list", "once", start_block_list, _always, "every scene"),
-    Phase("gather", "packs", gather_packs, _always, "every scene"),
-    Phase("gather across shells", "listed", gather_across_shells, lambda f: bool(f.features.shells), "a shell"),
-    Phase("check speeds", "once", check_speeds, _always, "every scene"),
+    Phase("add sleepers", "blocks", add_sleepers, *SLEEP),
+    Phase("fold periodic sides", "blocks", fold_periodic, *PERIODIC),
+    Phase("mark images", "blocks", mark_images, *PERIODIC),
+    Phase("fold walls", "walls", fold_walls, *WALL),
+    Phase("update nodes", "blocks", update_nodes, *ALWAYS),
+    Phase("solve mobile contact", "team", solve_mobile_contact, *MOBILE),
+    Phase("unfold walls", "walls", unfold_walls, *WALL),
+    Phase("unfold periodic sides", "blocks", unfold_periodic, *PERIODIC),
+    Phase("settle with sleepers", "blocks", settle_with_sleepers, *SLEEP),
+    Phase("start block list", "once", start_block_list, *ALWAYS),
+    Phase("gather", "packs", gather_packs, *ALWAYS),
+    Phase("gather across shells", "listed", gather_across_shells, *SHELL),
+    Phase("check speeds", "once", check_speeds, *ALWAYS),
     Phase("stop at shells", "listed", stop_at_shells,
-          lambda f: bool(f.features.shells) and not set(f.features.shells) & set(f.features.mobile), "a shell"),
+          lambda f: _has_shells(f) and not set(f.features.shells) & set(f.features.mobile), "a shell"),
     Phase("order entering particles", "listed", order_entering,
           lambda f: f.shells is not None and f.shells.lists_entering, "a mobile shell on a GPU"),
     Phase("stop at mobile shells", "entering in order", stop_at_shells,

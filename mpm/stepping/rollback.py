@@ -6,8 +6,7 @@ from mpm.geometry.rigid_motion import Pose
 from mpm.motion.collider_paths import ColliderPaths
 from mpm.observers.counter_kernel import CounterKernel
 from mpm.observers.diagnostics import momentum_after_advance
-from mpm.observers.progress import Momentum
-from mpm.observers.readings import Readings
+from mpm.observers.readings import Momentum, Readings
 from mpm.stepping.cpu import CHECKPOINT, NOWHERE, UNDO
 from mpm.stepping.snapshots import StateBank
 
@@ -19,15 +18,12 @@ class Rollback:
 
     def __init__(self, readings: Readings, paths: ColliderPaths) -> None:
         self._readings, self._paths, self._mobility = readings, paths, paths.mobility
-        self.counter: CounterKernel | None = None
-        """Kernel of the attached counter, whose flags belong to the state."""
+        self.counter: CounterKernel | None = None  # kernel of the attached counter, whose flags belong to the state
         self._rest: tuple | None = None
         self._before: tuple | None = None
         """State to which an advance is undone, besides the particles; None once nothing is to be undone."""
-        self._copy = NOWHERE
-        """Where the particles' state before the advance is."""
-        self.is_pending = False
-        """Whether the next launch copies the particles' state to the checkpoint first."""
+        self._copy = NOWHERE  # where the particles' state before the advance is
+        self.is_pending = False  # whether the next launch copies the particles' state to the checkpoint first
 
     def allocate(self, place: int = CHECKPOINT) -> list[StateBank]:
         """Return the banks of a place that the state is copied to: particles, then boundaries, then a counter's flags.

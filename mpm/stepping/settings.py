@@ -6,9 +6,9 @@ from mpm.errors import InvalidValue
 from mpm.materials.material import Material
 from mpm.materials.stable_step import check_step, material_bound
 from mpm.observers.readings import Readings
-from mpm.scene.body import half_edge, with_material, with_volume
-from mpm.scene.collider import with_friction
-from mpm.scene.validation import check_finite
+from mpm.scene.body import half_edge, with_volume
+from mpm.scene.collider import check_friction
+from mpm.scene.validation import check_finite, with_values
 from mpm.stepping.rollback import Rollback
 from mpm.stepping.sleep_thresholds import sleep_limits
 
@@ -19,8 +19,7 @@ class Settings:
     def __init__(self, readings: Readings, rollback: Rollback, dt: float, sleep: float) -> None:
         self._readings, self._rollback, self._dt, self._sleep = readings, rollback, dt, sleep
         self._scene, self._progress = readings.scene, readings.progress
-        self.bound = self._find_bound()
-        """Bound of the substep of an isolated particle [s]."""
+        self.bound = self._find_bound()  # bound of the substep of an isolated particle [s]
 
     def _find_bound(self) -> float:
         return min(material_bound(self._scene.grid.cell, body.material) for body in self._scene.bodies)
@@ -37,9 +36,9 @@ class Settings:
         colliders = self._scene.colliders
         if not 0 <= index < len(colliders):
             raise InvalidValue(f"collider {index}; accepted: 0 to {len(colliders) - 1}, as the scene has them")
-        changed = with_friction(colliders[index], friction)
+        check_friction(friction)
         self._readings.fields.parameters.set_friction(index, friction)
-        colliders[index] = changed
+        colliders[index] = with_values(colliders[index], friction=friction)
         self.wake()
 
     def set_material(self, index: int, material: Material) -> None:
@@ -47,7 +46,7 @@ class Settings:
         self.check_material(index, material)
         old = self._scene.bodies[index].material
         self._readings.fields.parameters.set_law(index, material)
-        self._scene.bodies[index] = with_material(self._scene.bodies[index], material)
+        self._scene.bodies[index] = with_values(self._scene.bodies[index], material=material)
         self.bound = self._find_bound()
         if material.density != old.density:
             self._progress.momentum = None
@@ -67,8 +66,7 @@ class Settings:
     def set_volume(self, index: int, volume: float) -> None:
         """Set the initial volume [m^3] of every particle of a body; particles stay where they are.
 
-        Raises InvalidValue.
-        """
+        Raises InvalidValue."""
         changed = with_volume(self._scene.bodies[index], volume)
         self._readings.particles.volumes.set(index, volume, half_edge(volume))
         self._scene.bodies[index] = changed

@@ -1,4 +1,3 @@
 """Transfers between particles and grid: B-spline weights, the 27-node loops, APIC.
 
-Imports: backend, materials, scene, state.
-"""
+Imports: backend, materials, scene, state."""
