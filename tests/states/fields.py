@@ -169,7 +169,7 @@ CASES = [
     case_of("precision/f32", throw, SAND, precision="f32", more="f64"),
     case_of("bed", lie, usual="f32", more="f64"),
     case_of("acceleration", push, usual="f64", more="f32"),
-    case_of("sleep/on", fall_asleep, True, usual="f32", more="f64 threads"),
+    case_of("sleep/on", fall_asleep, True, usual="f32", more="f64 ieee threads"),
     case_of("sleep/off", fall_asleep, False, more="f64"),
     case_of("sleep/factor", fall_asleep, 3.0, more="f64"),
     case_of("state", come_back, usual="f32", more="f64"),

@@ -3,7 +3,7 @@
 import numpy as np
 
 import mpm
-from mpm.adjoint.particle_adjoints import ParticleAdjoints
+from mpm.adjoint.node_tape import ParticleAdjoints
 from mpm.adjoint.stress_update import ForwardIntermediates, recompute, stress_back, write_list
 from mpm.backend import default_precision, once, ti
 from mpm.materials.hencky_strain import hencky_exact

@@ -5,43 +5,34 @@ import gc
 import numpy as np
 import pytest
 import trimesh
+from field_parts import at, block, plate, same, sand
 
 import mpm
 from mpm.backend import allocating, allocation, assembly, ti
 from mpm.state.memory import field_memory
 
-SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+SAND = sand(E=1.5e5)
 BALL = mpm.Sdf.from_mesh(trimesh.creation.icosphere(radius=0.03), spacing=4e-3)
 
 
 def make(cell: float = 0.02, law: mpm.DruckerPrager = SAND, shell: bool = False, friction: float = 0.3) -> mpm.Solver:
     """A block of sand on the floor, with a ball that moves into it, a post, and a plate where asked for."""
-    positions = mpm.sample_box((0.06, 0.06, 0.0), (0.14, 0.14, 0.08), 0.01, np.random.default_rng(0))
-    colliders = [mpm.Collider(BALL, friction=friction, pose=mpm.Pose(np.array([0.1, 0.1, 0.12]), UPRIGHT)),
-                 mpm.Collider(mpm.Sdf.box((0.035, 0.035, 0.05)), static=True,
-                              pose=mpm.Pose(np.array([0.02, 0.1, 0.0]), UPRIGHT))]
+    colliders = [mpm.Collider(BALL, friction=friction, pose=at(0.1, 0.1, 0.12)),
+                 mpm.Collider(mpm.Sdf.box((0.035, 0.035, 0.05)), static=True, pose=at(0.02, 0.1, 0.0))]
     if shell:
-        sheet = trimesh.Trimesh([[0, -0.04, -0.04], [0, 0.04, -0.04], [0, 0.04, 0.04], [0, -0.04, 0.04]],
-                                [[0, 1, 2], [0, 2, 3]])
-        colliders.append(mpm.Collider(mpm.Shell.from_mesh(sheet, 0.002), friction=0.2,
-                                      pose=mpm.Pose(np.array([0.155, 0.1, 0.04]), UPRIGHT)))
-    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), cell), bodies=[mpm.Body(law, positions, volume=1e-6)],
-                      colliders=colliders)
+        colliders.append(mpm.Collider(mpm.Shell.from_mesh(plate(0.04, axis=0), 0.002), friction=0.2,
+                                      pose=at(0.155, 0.1, 0.04)))
+    bed = block(law, (0.06, 0.06, 0.0), (0.14, 0.14, 0.08), 0.01, rng=np.random.default_rng(0))
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), cell), bodies=[bed], colliders=colliders)
 
 
 def push(solver: mpm.Solver) -> dict[str, np.ndarray]:
     """Let the ball press into the sand; return the state."""
     for k in range(5):
-        ends = [mpm.Pose(np.array([0.1, 0.1, 0.12 - 2e-3 * (k + e)]), UPRIGHT) for e in (0, 1)]
+        ends = [at(0.1, 0.1, 0.12 - 2e-3 * (k + e)) for e in (0, 1)]
         solver.set_collider_motion(0, *ends, jump=True)  # pushed again, it begins anew
         solver.advance(2e-3)
     return solver.state()
-
-
-def same(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> bool:
-    """Whether two states are equal to the bit."""
-    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)
 
 
 def groups_in_use() -> int:
@@ -73,7 +64,7 @@ def test_an_equal_scene_compiles_nothing_and_computes_the_same(shell):
 
 def test_what_a_launch_reads_may_differ_in_a_scene_that_is_taken_over():
     """Friction and the numbers of a material are none of the kernels'."""
-    clay = mpm.DruckerPrager(E=3e5, nu=0.3, density=1200.0, friction_angle_deg=20.0, cohesion=500.0)
+    clay = sand(E=3e5, nu=0.3, density=1200.0, friction_angle_deg=20.0, cohesion=500.0)
     assembly.limit_idle(0)
     with make(law=clay, friction=0.1) as alone:
         wanted = push(alone)
@@ -129,9 +120,7 @@ def test_the_garbage_collector_closes():
     kernels = compiled()
     del solver
     gc.collect()
-    solver = make()
-    push(solver)
-    del solver  # what the collector would find some time later is looked for when an equal scene is made
+    push(make())  # what the collector would find some time later is looked for when an equal scene is made
     push(make())
     assert compiled() == kernels
 

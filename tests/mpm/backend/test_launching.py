@@ -1,6 +1,6 @@
 """Launches through a `Launcher` do what a call of the kernel does, with whatever arguments come next."""
 
-import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -80,15 +80,7 @@ def test_an_array_that_is_not_contiguous_is_refused(recorder):
 
 
 def test_another_thread_is_refused(recorder):
-    launch, caught = Launcher(recorder, Recorder.record), []
-    launch(1, np.ones(1), 1.0, np.zeros(2))
-
-    def work() -> None:
-        with pytest.raises(BackendError) as error:
-            launch(1, np.ones(1), 1.0, np.zeros(2))
-        caught.append(str(error.value))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert "thread" in caught[0]
+    launch, arguments = Launcher(recorder, Recorder.record), (1, np.ones(1), 1.0, np.zeros(2))
+    launch(*arguments)
+    with ThreadPoolExecutor() as pool, pytest.raises(BackendError, match="thread"):
+        pool.submit(launch, *arguments).result()

@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -74,14 +74,5 @@ def test_a_thread_that_calls_init_owns_the_field() -> None:
 
 def test_init_is_refused_in_a_second_thread() -> None:
     """A call that would do nothing, too: what follows it in that thread could not work."""
-    errors: list[mpm.BackendError] = []
-
-    def initialise() -> None:
-        with pytest.raises(mpm.BackendError) as caught:
-            mpm.init()
-        errors.append(caught.value)
-
-    thread = threading.Thread(target=initialise)
-    thread.start()
-    thread.join()
-    assert len(errors) == 1
+    with ThreadPoolExecutor() as pool, pytest.raises(mpm.BackendError):
+        pool.submit(mpm.init).result()

@@ -2,24 +2,22 @@
 
 import numpy as np
 import pytest
+from field_parts import at, block, sand
 
 import mpm
 
 CELL = 0.02
 STEP = 5e-3
 ASIDE = mpm.Pose(np.array([0.02, -0.01, 0.0]), np.array([np.cos(0.1), 0.0, 0.0, np.sin(0.1)]))
-SALT = mpm.DruckerPrager(E=1e5, nu=0.2, density=1200.0, friction_angle_deg=30.0)
-SOFT = mpm.DruckerPrager(E=4e4, nu=0.3, density=900.0, friction_angle_deg=25.0)
+SALT, SOFT = sand(density=1200.0), sand(E=4e4, nu=0.3, density=900.0, friction_angle_deg=25.0)
 
 
 def scene() -> mpm.Solver:
     """A box among falling grains, watched by a counter and a sample."""
-    positions = mpm.sample_box((0.1, 0.1, 0.06), (0.3, 0.3, 0.14), CELL / 2, np.random.default_rng(0))
-    box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), friction=0.2,
-                       pose=mpm.Pose(np.array([0.2, 0.2, 0.03]), np.array([1.0, 0.0, 0.0, 0.0])))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), colliders=[box], dt=5e-4,
-                        bodies=[mpm.Body(SALT, positions, volume=(CELL / 2) ** 3)])
-    chosen = np.arange(2, len(positions), 3)
+    salt = block(SALT, (0.1, 0.1, 0.06), (0.3, 0.3, 0.14), CELL / 2, rng=np.random.default_rng(0))
+    box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), friction=0.2, pose=at(0.2, 0.2, 0.03))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), colliders=[box], dt=5e-4, bodies=[salt])
+    chosen = np.arange(2, len(salt.positions), 3)
     counter = mpm.RegionCounter(solver, chosen, point=np.array([0.3, 0.2, 0.1]), weights=np.ones(3), reach=0.03,
                                 per_particle=True, index=0,
                                 region=mpm.Region((0.3, 0.2, 0.0), (0.1, 0.08, 9.0), round=True),
@@ -47,6 +45,14 @@ def same(one: mpm.Counts, other: mpm.Counts) -> bool:
     return one[:-1] == other[:-1] and np.array_equal(one.per_particle, other.per_particle)  # pyright: ignore[reportArgumentType]
 
 
+def set_up(batch: mpm.Batch, e: int, law: mpm.DruckerPrager, volume: float, frame: mpm.Pose, friction: float) -> None:
+    """Give a future numbers of its own."""
+    batch.set_material(e, 0, law)
+    batch.set_volume(e, 0, volume)
+    batch.place(e, frame)
+    batch.set_friction(e, 0, friction)
+
+
 @pytest.fixture(scope="module")
 def batch() -> mpm.Batch:
     """Three futures, up to four readings in an advance: one kernel for all tests."""
@@ -64,8 +70,8 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
         alone.load(start)
         alone.set_material(0, materials[e])
         alone.settings.set_volume(0, volumes[e])
-        alone.counter.place(frames[e])
         alone.set_friction(0, frictions[e])
+        alone.counter.place(frames[e])
         alone.counter.restart()
         read = [alone.counter.read()]
         for k in (legs[e], 1):
@@ -73,13 +79,9 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
             read += alone.advance(k * STEP, readings=k)
         expected.append((read, alone.state(), alone.core.sample.values.copy()))
 
-    shared = batch.solver
-    read = []
+    shared, read = batch.solver, []
     for e, start in enumerate(starts(shared)):
-        batch.set_material(e, 0, materials[e])
-        batch.set_volume(e, 0, volumes[e])
-        batch.place(e, frames[e])
-        batch.set_friction(e, 0, frictions[e])
+        set_up(batch, e, materials[e], volumes[e], frames[e], frictions[e])
         read.append([batch.load(e, start)])
     for counts in (np.array(legs), np.ones(3, int), np.zeros(3, int)):
         for e, k in enumerate(counts):
@@ -97,10 +99,7 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
         assert shared.time == pytest.approx(float(state["time"]), rel=1e-9)
         assert shared.momentum_after_advance().linear == pytest.approx(shared.momentum().linear, rel=1e-9)
     for e in range(3):
-        batch.set_material(e, 0, SALT)
-        batch.set_volume(e, 0, volumes[0])
-        batch.place(e, frames[0])
-        batch.set_friction(e, 0, frictions[0])
+        set_up(batch, e, SALT, volumes[0], frames[0], frictions[0])
     batch.select(1)
 
 
@@ -136,7 +135,7 @@ def test_wrong_batches_are_refused(batch: mpm.Batch) -> None:
     with pytest.raises(mpm.InvalidValue, match="1 to 4, the batch"):
         batch.advance(np.full(3, STEP), np.full(3, 5))
     with pytest.raises(mpm.TimeStepTooLarge):
-        batch.set_material(0, 0, mpm.DruckerPrager(E=1e9, nu=0.2, density=1200.0, friction_angle_deg=30.0))
+        batch.set_material(0, 0, sand(E=1e9, density=1200.0))
     box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), mobile=True)
     pushed = mpm.Solver(grid=batch.solver.grid, colliders=[box], bodies=batch.solver.bodies)
     with pytest.raises(mpm.InvalidValue, match="mobile"):

@@ -2,25 +2,24 @@
 
 import numpy as np
 import pytest
+from field_parts import at, block
 
 import mpm
 from mpm.scene.scene import Contact
 
-CELL, SPEED = 0.01, 0.1
-LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+CELL = 0.01
 
 
 def impulse(contact: Contact, place: float, gap: float, *, static: bool) -> np.ndarray:
     """Return the impulse [N s] (3,) of the first substep on a plate above a bar that rises.
     place: of the bar's end above a plane of nodes, gap: of the plate above it [cells]."""
     end = 0.08 + place * CELL
-    grains = mpm.sample_box((0.06, 0.06, end - 0.04), (0.12, 0.12, end), CELL / 2)
+    bar = block(mpm.Elastic(E=1e3, nu=0.0, density=1000.0), (0.06, 0.06, end - 0.04), (0.12, 0.12, end), CELL / 2,
+                (0, 0, 0.1))
     plate = mpm.Collider(mpm.Sdf.box((0.06, 0.06, 0.02)), friction=0.0, static=static,
-                         pose=mpm.Pose(np.array([0.09, 0.09, end + gap * CELL + 0.02]), LEVEL))
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (0.18, 0.18, 0.16), CELL), colliders=[plate], contact=contact, gravity=(0, 0, 0),
-        bodies=[mpm.Body(mpm.Elastic(E=1e3, nu=0.0, density=1000.0), grains, np.tile([0, 0, SPEED], (len(grains), 1)),
-                         volume=(CELL / 2) ** 3)])
+                         pose=at(0.09, 0.09, end + gap * CELL + 0.02))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.18, 0.18, 0.16), CELL), bodies=[bar], colliders=[plate],
+                        contact=contact, gravity=(0, 0, 0))
     if not static:
         solver.set_collider_motion(0, plate.pose, plate.pose)
     solver.advance(solver.dt)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from field_parts import at, block
 
 import mpm
 
@@ -10,12 +11,9 @@ def test_a_friction_that_is_set_is_that_of_one_built_in() -> None:
     """A friction that is set gives the motion of one that was built in, to the bit."""
     ends = []
     for built, later in ((0.1, 0.6), (0.6, None)):
-        floor = mpm.Collider(mpm.Sdf.box((0.08, 0.08, 0.02)), friction=built,
-                             pose=mpm.Pose(np.array([0.08, 0.08, 0.02]), np.array([1.0, 0.0, 0.0, 0.0])))
-        block = mpm.sample_box((0.04, 0.04, 0.04), (0.08, 0.08, 0.06), 0.005)
-        elastic = mpm.Elastic(E=1e5, nu=0.2, density=1000.0)
-        solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16, 0.16, 0.16), 0.01), colliders=[floor],
-                            bodies=[mpm.Body(elastic, block, np.tile([0.3, 0, 0], (len(block), 1)), volume=1.25e-7)])
+        floor = mpm.Collider(mpm.Sdf.box((0.08, 0.08, 0.02)), friction=built, pose=at(0.08, 0.08, 0.02))
+        slider = block(mpm.Elastic(E=1e5, nu=0.2, density=1000.0), (0.04,) * 3, (0.08, 0.08, 0.06), 0.005, (0.3, 0, 0))
+        solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16,) * 3, 0.01), colliders=[floor], bodies=[slider])
         if later is not None:
             slippery = solver.state()
             solver.advance(0.05)

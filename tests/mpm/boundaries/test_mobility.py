@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from field_parts import UPRIGHT, at, block, sand
 
 import mpm
 from robosim.coupling.mobility_probe import MobilityProbe
@@ -18,11 +19,9 @@ CELL = 0.01
 
 def ball_and_blob(collider: mpm.Collider, mass: float, **choices: Any) -> tuple[mpm.Solver, np.ndarray]:
     """A blob of sand at rest in empty space, and the mobility of a collider of a mass [kg] that is a ball of 5 cm."""
-    positions = mpm.sample_box((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05), CELL / 2)
-    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1000.0, friction_angle_deg=30.0)
-    solver = mpm.Solver(grid=mpm.Grid((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2), CELL), gravity=(0, 0, 0),
-                        bodies=[mpm.Body(sand, positions, volume=1e-3 / len(positions))], colliders=[collider],
-                        walls=mpm.Walls.all("slip"), **{"precision": "f64"} | choices)
+    blob = block(sand(density=1000.0), (-0.05,) * 3, (0.05,) * 3, CELL / 2)
+    solver = mpm.Solver(grid=mpm.Grid((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2), CELL), gravity=(0, 0, 0), bodies=[blob],
+                        colliders=[collider], walls=mpm.Walls.all("slip"), **{"precision": "f64"} | choices)
     return solver, np.diag([1 / mass] * 3 + [1 / (0.4 * mass * 0.05**2)] * 3)
 
 
@@ -34,12 +33,12 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
     """The frame's origin may lie anywhere: the mass is where `centre` says. A hollow ball is a shell."""
     start = np.array([0.11, 0.01, 0.005])
     lever = np.array([0.0, 0.02, 0.01]) if off_centre else np.zeros(3)
-    sdf = mpm.Sdf.union([(mpm.Sdf.sphere(0.05), mpm.Pose(-lever, np.array([1.0, 0, 0, 0])))])
+    sdf = mpm.Sdf.union([(mpm.Sdf.sphere(0.05), mpm.Pose(-lever, UPRIGHT))])
     if thin:
         hollow = trimesh.creation.icosphere(3, 0.049)
         hollow.apply_translation(-lever)
         sdf = mpm.Shell.from_mesh(hollow, 0.002)
-    pose = mpm.Pose(start + lever, np.array([1.0, 0, 0, 0]))
+    pose = mpm.Pose(start + lever, UPRIGHT)
     solver, W = ball_and_blob(mpm.Collider(sdf, friction=0.3, mobile=True, pose=pose), 0.5, transfer_interval=interval)
     assert solver.features.strides == (interval == "strides")
     twist, centre = np.array([-1.0, 0, 0, 0, 0, 8.0]), start
@@ -63,8 +62,8 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
 def test_a_contact_solve_that_does_not_converge_is_reported() -> None:
     """A ball of a tenth of a milligram that is driven into the sand: one of its solves ends far from a solution."""
     start = np.array([0.11, 0.01, 0.005])
-    sdf = mpm.Sdf.union([(mpm.Sdf.sphere(0.05), mpm.Pose(np.zeros(3), np.array([1.0, 0, 0, 0])))])
-    ball = mpm.Collider(sdf, friction=0.3, mobile=True, pose=mpm.Pose(start, np.array([1.0, 0, 0, 0])))
+    sdf = mpm.Sdf.union([(mpm.Sdf.sphere(0.05), mpm.Pose(np.zeros(3), UPRIGHT))])
+    ball = mpm.Collider(sdf, friction=0.3, mobile=True, pose=mpm.Pose(start, UPRIGHT))
     solver, W = ball_and_blob(ball, 1e-7)
     twist, residuals = np.array([-1.0, 0, 0.3, 0, 0, 8.0]), []
     solver.set_collider_mobility(0, W, twist, twist=twist, centre=start)
@@ -84,7 +83,7 @@ def test_infinite_mass_is_a_driven_collider(interval: Any) -> None:
     """W = 0: the grains feel what a collider with the same screw does to them, transferred alike."""
     ends = []
     for mobile in (True, False):
-        pose = mpm.Pose(np.array([0.105, 0.0, 0.0]), np.array([1.0, 0, 0, 0]))
+        pose = at(0.105, 0.0, 0.0)
         solver, _ = ball_and_blob(mpm.Collider(mpm.Sdf.sphere(0.05), friction=0.3, mobile=mobile, pose=pose), 1.0,
                                   transfer_interval=interval)
         for _ in range(20):
@@ -123,10 +122,8 @@ def pendulum(host_step: float, dry: float = 0.0, **choices: object) -> GranularP
     model = mujoco.MjModel.from_xml_string(PENDULUM.format(host_step=host_step, dry=dry))
     data = mujoco.MjData(model)
     data.qpos[0] = 0.9
-    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0, 0, 0), (0.2, 0.12, 0.05), CELL / 2)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.12, 0.2), CELL), dt=2.5e-4,
-                        bodies=[mpm.Body(sand, positions, volume=1.25e-7)])
+                        bodies=[block(sand(), (0, 0, 0), (0.2, 0.12, 0.05), CELL / 2)])
     return GranularPlugin(model, data, solver, bodies={"bob": None}, **choices)  # type: ignore[arg-type]
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from field_parts import at
 
 import mpm
 from mpm.geometry.shell import SHELL_FACE
@@ -16,11 +17,10 @@ def impulse_of_flow(face_cells: float) -> np.ndarray:
     positions = mpm.sample_box((0, 0, 0), (SIDE,) * 3, CELL / 2)
     positions = positions[np.linalg.norm(positions - SIDE / 2, axis=1) > 0.03]
     ball = mpm.Shell.from_mesh(trimesh.creation.icosphere(3, 0.0295), 1e-3, face_cells=face_cells)
-    pose = mpm.Pose(np.full(3, SIDE / 2), np.array([1.0, 0.0, 0.0, 0.0]))
     water = mpm.NewtonianFluid(bulk_modulus=1e4, density=1000.0)
     with mpm.Solver(grid=mpm.Grid((0, 0, 0), (SIDE, SIDE, SIDE), CELL), gravity=(0, 0, 0), precision="f64",
                     bodies=[mpm.Body(water, positions, volume=(CELL / 2) ** 3)],
-                    colliders=[mpm.Collider(ball, friction=0.0, pose=pose)]) as solver:
+                    colliders=[mpm.Collider(ball, friction=0.0, pose=at(*[SIDE / 2] * 3))]) as solver:
         state = solver.state()
         state["v"][:, 0] = 0.01
         solver.load(state)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import trimesh
+from field_parts import at
 
 import mpm
 from mpm.state.packs import LANES
@@ -30,7 +31,7 @@ def filled(pose: mpm.Pose, leave_out: int = 0) -> mpm.Solver:
 def test_what_flows_over_a_rim_falls() -> None:
     """A bowl is tilted by 110 deg in 1 s: no grain is ever faster than by its fall from the highest place of the rim,
     and by the motion of that rim."""
-    start = mpm.Pose(np.array([0.1, 0.08, 0.11]), np.array([1.0, 0.0, 0.0, 0.0]))
+    start = at(0.1, 0.08, 0.11)
     with filled(start) as solver:
         pose, rate, step, most = start, np.radians(110.0), 4e-3, 0.0
         for k in range(350):
@@ -49,8 +50,7 @@ def test_what_flows_over_a_rim_falls() -> None:
 def test_lanes_without_a_grain_have_no_side() -> None:
     """They would be listed, and gather from nodes without mass; also after a state was loaded, in which they repeat the
     last grain."""
-    pose = mpm.Pose(np.array([0.1, 0.08, 0.11]), np.array([1.0, 0.0, 0.0, 0.0]))
-    with filled(pose, leave_out=LANES - 1) as solver:
+    with filled(at(0.1, 0.08, 0.11), leave_out=LANES - 1) as solver:
         for _ in range(2):
             solver.advance(0.02)
             state = solver.state()

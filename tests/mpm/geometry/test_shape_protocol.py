@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from docstring_example import run_example
+from field_parts import at, block, sand
 
 import mpm
 from mpm.backend import ti
@@ -15,12 +16,9 @@ def test_the_example_of_a_shape_carries_what_lies_on_it() -> None:
     torus = Torus(0.03, 0.01)
     points = np.array([[0.03, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.05, 0.0], [0.03, 0.0, 0.02]])
     assert torus.distance(points) == pytest.approx([-0.01, 0.02, 0.01, 0.01])
-    below = mpm.Pose(np.array([0.08, 0.08, 0.05]), np.array([1.0, 0.0, 0.0, 0.0]))
-    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0.04, 0.04, 0.07), (0.12, 0.12, 0.1), 0.005)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16, 0.16, 0.16), 0.01), precision="f64",
-                        bodies=[mpm.Body(sand, positions, np.tile([0, 0, -1.0], (len(positions), 1)), volume=1.25e-7)],
-                        colliders=[mpm.Collider(torus, pose=below)])
+                        bodies=[block(sand(), (0.04, 0.04, 0.07), (0.12, 0.12, 0.1), 0.005, (0, 0, -1.0))],
+                        colliders=[mpm.Collider(torus, pose=at(0.08, 0.08, 0.05))])
     before = solver.momentum().linear
     solver.advance(0.02)
     received = solver.collider_impulse(0).force

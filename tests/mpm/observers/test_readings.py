@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from field_parts import block, sand
 
 import mpm
 from mpm.materials.elasticity import Elastic
@@ -9,7 +10,7 @@ from mpm.observers.diagnostics import eigenvalues
 
 E, NU, RHO = 2e5, 0.3, 1300.0
 MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
-SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
+SAND, STIFF = sand(E=E, nu=NU, density=RHO), sand(E=1.5e5, nu=0.3, friction_angle_deg=35.0)
 
 
 def hencky(F: np.ndarray) -> np.ndarray:
@@ -54,10 +55,9 @@ def test_stresses_are_those_of_the_law(model, stress):
 def test_two_laws_in_a_scene_each_give_their_own():
     """A fluid under pressure and sand at its yield surface: stress of the sand has the ratio of the cone."""
     water = mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=0.0)
-    sand = mpm.DruckerPrager(E=E, nu=NU, density=RHO, friction_angle_deg=30.0)
     places = np.array([[0.05, 0.05, 0.05], [0.06, 0.05, 0.05]])
     with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), precision="f64", bodies=[
-            mpm.Body(water, places, volume=1e-6), mpm.Body(sand, places + 0.08, volume=1e-6)]) as solver:
+            mpm.Body(water, places, volume=1e-6), mpm.Body(SAND, places + 0.08, volume=1e-6)]) as solver:
         state = solver.state()
         state["j"][:2] = -0.01
         h = np.array([-0.01, -0.01, -0.02])
@@ -72,15 +72,12 @@ def test_two_laws_in_a_scene_each_give_their_own():
 
 def test_the_impulses_of_the_walls_are_those_that_the_particles_lack():
     """A block is thrown into a corner: six walls add up to the ledger's row, and momentum closes wall by wall."""
-    sand = mpm.DruckerPrager(E=E, nu=NU, density=RHO, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0.0, 0.06, 0.0), (0.06, 0.14, 0.06), 0.01)
-    body = mpm.Body(sand, positions, volume=1e-6, velocities=np.tile([-0.5, 0.0, -0.5], (len(positions), 1)))
-    walls = mpm.Walls.all("slip")
-    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], walls=walls,
+    body = block(SAND, (0.0, 0.06, 0.0), (0.06, 0.14, 0.06), 0.01, (-0.5, 0.0, -0.5))
+    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], walls=mpm.Walls.all("slip"),
                     precision="f64") as solver:
         before, duration = solver.momentum(), 0.02
         solver.advance(duration)
-        received = {side: solver.wall_impulse(side) for side in SIDES}
+        received = {side: solver.wall_impulse(side) for side in ("x-", "x+", "y-", "y+", "z-", "z+")}
         weight = duration * solver.masses().sum() * solver.gravity
         lost = before.linear + weight - solver.momentum().linear
         tolerance = 1e-12 * np.abs(lost).max()
@@ -99,9 +96,7 @@ def test_the_impulses_of_the_walls_are_those_that_the_particles_lack():
 
 def thrown(velocity: tuple[float, float, float]) -> mpm.Solver:
     """A block in the middle of a box, with a velocity [m/s] of all its particles."""
-    positions = mpm.sample_box((0.05, 0.05, 0.05), (0.08, 0.08, 0.08), 0.005)
-    law = mpm.DruckerPrager(E=1.5e5, nu=0.3, density=1500.0, friction_angle_deg=35.0)
-    body = mpm.Body(law, positions, volume=0.005**3, velocities=np.tile(velocity, (len(positions), 1)))
+    body = block(STIFF, (0.05,) * 3, (0.08,) * 3, 0.005, velocity)
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.01), bodies=[body])
 
 
@@ -131,9 +126,8 @@ def test_particles_that_lie_on_a_floor_are_no_such() -> None:
     for _ in range(10):
         solver.advance(0.05)
     assert solver.diagnostics().escaped == 0
-    law = mpm.DruckerPrager(E=1.5e5, nu=0.3, density=1500.0, friction_angle_deg=35.0)
     alone = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.01),
-                       bodies=[mpm.Body(law, np.array([[0.1, 0.1, 0.02]]), volume=1e-7)])
+                       bodies=[mpm.Body(STIFF, np.array([[0.1, 0.1, 0.02]]), volume=1e-7)])
     for _ in range(10):
         alone.advance(0.1)
     assert alone.positions()[0, 2] < 1e-3 and alone.diagnostics().escaped == 0

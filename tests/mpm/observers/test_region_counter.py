@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import trimesh
+from field_parts import at, block, plate, sand
 
 import mpm
 
@@ -15,13 +15,10 @@ POINT, WEIGHTS = np.array([0.3, 0.2, 0.1]), np.array([1.0, 1.0, 0.5])
 
 def scene(every: int = 3, mobile: bool = False, **options: object) -> tuple[mpm.Solver, mpm.RegionCounter, np.ndarray]:
     """A box that moves through falling particles, of which every third is counted."""
-    salt = mpm.DruckerPrager(E=1e5, nu=0.2, density=1200.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0.1, 0.1, 0.06), (0.3, 0.3, 0.2), CELL / 2, np.random.default_rng(0))
-    box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), friction=0.2, mobile=mobile,
-                       pose=mpm.Pose(np.array([0.2, 0.2, 0.03]), np.array([1.0, 0.0, 0.0, 0.0])))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), colliders=[box], dt=5e-4,
-                        bodies=[mpm.Body(salt, positions, volume=(CELL / 2) ** 3)])
-    chosen = np.arange(every - 1, len(positions), every)
+    salt = block(sand(density=1200.0), (0.1, 0.1, 0.06), (0.3, 0.3, 0.2), CELL / 2, rng=np.random.default_rng(0))
+    box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), friction=0.2, mobile=mobile, pose=at(0.2, 0.2, 0.03))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), colliders=[box], dt=5e-4, bodies=[salt])
+    chosen = np.arange(every - 1, len(salt.positions), every)
     counter = mpm.RegionCounter(solver, chosen, point=POINT, weights=WEIGHTS, region=REGION, bounds=BOUNDS, inner=INNER,
                       index=0, **options)
     return solver, counter, chosen
@@ -147,14 +144,10 @@ def test_numbers_of_readings_are_checked() -> None:
 
 def test_grains_on_both_sides_of_a_shell_are_near() -> None:
     """Within a reach of the faces of a plate of 4 mm, up to its rim."""
-    salt = mpm.DruckerPrager(E=1e5, nu=0.2, density=1200.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0.1, 0.1, 0.06), (0.3, 0.3, 0.3), CELL / 2, np.random.default_rng(0))
-    plate = trimesh.Trimesh([[-0.05, -0.05, 0], [0.05, -0.05, 0], [0.05, 0.05, 0], [-0.05, 0.05, 0]],
-                            [[0, 1, 2], [0, 2, 3]])
-    pose = mpm.Pose(np.array([0.2, 0.2, 0.17]), np.array([1.0, 0.0, 0.0, 0.0]))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), dt=5e-4,
-                        colliders=[mpm.Collider(mpm.Shell.from_mesh(plate, 4e-3), friction=0.2, pose=pose)],
-                        bodies=[mpm.Body(salt, positions, volume=(CELL / 2) ** 3)])
+    salt = block(sand(density=1200.0), (0.1, 0.1, 0.06), (0.3, 0.3, 0.3), CELL / 2, rng=np.random.default_rng(0))
+    pose = at(0.2, 0.2, 0.17)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), dt=5e-4, bodies=[salt],
+                        colliders=[mpm.Collider(mpm.Shell.from_mesh(plate(0.05), 4e-3), friction=0.2, pose=pose)])
     counter = mpm.RegionCounter(solver, np.arange(5), point=POINT, weights=WEIGHTS, region=REGION, bounds=BOUNDS,
                                 inner=INNER, index=0, reach=0.008)
     y = solver.positions() - pose.position

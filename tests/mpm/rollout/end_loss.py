@@ -1,7 +1,8 @@
-"""A loss of rollouts in several tests."""
+"""A loss of rollouts in several tests, and the comparison of its gradient with differences."""
 
 import numpy as np
 
+import mpm
 from mpm.rollout.losses import Loss, LossGradient, RolloutStates
 
 
@@ -15,3 +16,19 @@ def weighted_ends(n: int, at: int) -> Loss:
         return LossGradient(float(np.sum(here * (W * states.x + U * states.v))), x=here * W, v=here * U)
 
     return loss
+
+
+def along_directions(roll: mpm.Rollout, linear: np.ndarray, angular: np.ndarray, loss: Loss, gradient: tuple,
+                     directions: int, h: float = 1e-7) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes of the loss (directions,) along random changes of the twists, by the gradient and by differences."""
+    rng, pairs = np.random.default_rng(0), []
+    for _ in range(directions):
+        way = rng.standard_normal(linear.shape), 20.0 * rng.standard_normal(linear.shape)
+        ends = [roll.value(linear + s * way[0], angular + s * way[1], loss) for s in (h, -h)]
+        pairs.append((np.sum(gradient[0] * way[0]) + np.sum(gradient[1] * way[1]), (ends[0] - ends[1]) / (2 * h)))
+    return np.array(pairs).T
+
+
+def cosine_of(one: np.ndarray, other: np.ndarray) -> float:
+    """The cosine of the angle between two vectors."""
+    return one @ other / np.linalg.norm(one) / np.linalg.norm(other)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
-from end_loss import weighted_ends
+from end_loss import along_directions, cosine_of, weighted_ends
+from field_parts import at
 
 import mpm
 from mpm.materials.material import Material
 
 CELL, SUBSTEPS = 0.01, 5
-STRIDE = 1.0
-"""[s]: as long as a rollout's step and the grains' travel allow."""
+STRIDE = 1.0  # [s]: as long as a rollout's step and the grains' travel allow
 LAWS = {"fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
         "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
         "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)}
@@ -22,7 +22,7 @@ def bowl_scene(law: Material, interval: float) -> mpm.Solver:
     ball = trimesh.creation.icosphere(3, 0.03)
     sheet = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] < 0])
     sheet.invert()
-    pose = mpm.Pose(np.array([0.0713, 0.0609, 0.0557]), np.array([1.0, 0.0, 0.0, 0.0]))
+    pose = at(0.0713, 0.0609, 0.0557)
     held = mpm.sample_box((-0.03, -0.03, -0.03), (0.03, 0.03, 0.004), spacing, rng)
     held = pose.apply(held[np.linalg.norm(held, axis=1) < 0.027])
     below = mpm.sample_box((0.02, 0.02, 0.0), (0.1, 0.1, 0.02), spacing, rng)
@@ -44,14 +44,8 @@ def test_gradient_by_the_motion_of_a_shell(name: str, interval: float) -> None:
     roll = mpm.Rollout(solver, steps, step_dt=SUBSTEPS * solver.dt)
     linear, angular = np.tile([0.25, 0.02, -0.1], (steps, 1)), np.tile([0.3, 2.0, 0.5], (steps, 1))
     loss = weighted_ends(len(solver.masses()), steps)
-    value, (by_linear, by_angular) = roll.value_and_grad(linear, angular, loss)
+    value, found = roll.value_and_grad(linear, angular, loss)
     assert value == roll.value(linear, angular, loss)
-    rng, pairs = np.random.default_rng(0), []
-    for _ in range(8):
-        to_linear, to_angular = rng.standard_normal((steps, 3)), 20.0 * rng.standard_normal((steps, 3))
-        ends = [roll.value(linear + s * to_linear, angular + s * to_angular, loss) for s in (1e-7, -1e-7)]
-        pairs.append((np.sum(by_linear * to_linear) + np.sum(by_angular * to_angular), (ends[0] - ends[1]) / 2e-7))
-    gradient, difference = np.array(pairs).T
-    cosine = gradient @ difference / np.linalg.norm(gradient) / np.linalg.norm(difference)
-    assert cosine > 1.0 - 1e-9
+    gradient, difference = along_directions(roll, linear, angular, loss, found, 8)
+    assert cosine_of(gradient, difference) > 1.0 - 1e-9
     assert np.linalg.norm(gradient) == pytest.approx(np.linalg.norm(difference), rel=1e-5)

@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from field_parts import UPRIGHT, at, block, sand
 
 import mpm
 
-LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 NAN = float("nan")
 GRID = mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.01)
-SAND = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-BODY = mpm.Body(SAND, mpm.sample_box((0.05,) * 3, (0.1,) * 3, 0.005), volume=0.005**3)
+SAND = sand()
+BODY = block(SAND, (0.05,) * 3, (0.1,) * 3, 0.005)
 SHEET = mpm.Shell.from_mesh(trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2]]), 1e-3)
 BALL = mpm.Sdf.sphere(0.03)
 
 
 @pytest.mark.parametrize("pose", [
-    mpm.Pose(np.array([NAN, 0, 0]), LEVEL), mpm.Pose(np.zeros(3), np.array([1.0, NAN, 0, 0])),
-    mpm.Pose(np.zeros(3), np.zeros(4)), mpm.Pose(np.zeros(2), LEVEL), np.eye(4), None],
+    at(NAN, 0, 0), mpm.Pose(np.zeros(3), np.array([1.0, NAN, 0, 0])),
+    mpm.Pose(np.zeros(3), np.zeros(4)), mpm.Pose(np.zeros(2), UPRIGHT), np.eye(4), None],
     ids=["position", "nan", "zero", "plane", "matrix", "none"])
 def test_a_pose_places_something(pose: Any) -> None:
     for make in (lambda: mpm.Collider(BALL, pose=pose), lambda: mpm.Sdf.union([(BALL, pose)])):
@@ -95,10 +95,9 @@ def test_complex_numbers_are_refused() -> None:
 
 def test_a_mobile_collider_stays_where_a_wrong_pose_would_place_it() -> None:
     """A refused mobility changes nothing, the pose included."""
-    place = mpm.Pose(np.array([0.075, 0.075, 0.15]), LEVEL)
+    place = at(0.075, 0.075, 0.15)
     solver = mpm.Solver(grid=GRID, bodies=[BODY], colliders=[mpm.Collider(BALL, mobile=True, pose=place)])
-    for W, pose in ((np.eye(6), mpm.Pose(np.array([NAN, 0, 0]), LEVEL)),
-                    (-np.eye(6), mpm.Pose(np.array([0.1, 0.1, 0.1]), LEVEL))):
+    for W, pose in ((np.eye(6), at(NAN, 0, 0)), (-np.eye(6), at(0.1, 0.1, 0.1))):
         with pytest.raises(mpm.InvalidValue, match="mobility of collider 0"):
             solver.set_collider_mobility(0, W, np.zeros(6), pose=pose)
         assert solver.collider_pose(0) is place

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from field_parts import sand
 
 import mpm
 from mpm.materials.elasticity import NeoHookean
 
-SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=33.0)
+SAND = sand(E=1.5e5, friction_angle_deg=33.0)
 WATER = mpm.NewtonianFluid(bulk_modulus=1.5e5, density=1000.0, viscosity=0.0)
 CELL = 0.01
 GRID = mpm.Grid((0, 0, 0), (0.1, 0.1, 0.1), CELL)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from docstring_example import run_example
+from field_parts import block, same, sand, unbalanced
 
 import mpm
 from mpm.backend import ti
@@ -56,10 +57,7 @@ class Plate(Stick):
     def slide(t, n, mass, push, dt, p):
         return ti.Vector([p[0], 0.0, 0.0, 0.0])
 
-    @staticmethod
-    @ti.func
-    def slide_back(t, n, mass, push, dt, p, bar):
-        return 0.0 * bar, 0.0 * mass, 0.0 * push
+    slide_back = staticmethod(Glue.slide_back)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,21 +78,17 @@ class Drag(Slip):
 
 def corner(walls: mpm.Walls) -> mpm.Solver:
     """Sand thrown into a corner of three walls."""
-    cell = 0.02
-    positions = mpm.sample_box((0, 0, 0), (0.1, 0.14, 0.1), cell / 2, np.random.default_rng(1))
-    sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
-    body = mpm.Body(sand, positions, np.tile([-1.0, 0.5, -0.5], (len(positions), 1)), volume=(cell / 2) ** 3)
-    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), cell), bodies=[body], walls=walls, precision="f64")
+    thrown = block(sand(nu=0.3), (0, 0, 0), (0.1, 0.14, 0.1), 0.01, (-1.0, 0.5, -0.5), np.random.default_rng(1))
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[thrown], walls=walls, precision="f64")
 
 
 def channel(top: WallCondition) -> mpm.Solver:
     """A viscous fluid between a floor at rest and a wall above it, 4 cm apart."""
     height, cell = 0.04, 0.005
     fluid = mpm.NewtonianFluid(bulk_modulus=2e4, density=1000.0, viscosity=5.0)
-    positions = mpm.sample_box((0, 0, 0), (0.02, cell, height), cell / 2)
     walls = mpm.Walls(lower=("periodic", "periodic", "stick"), upper=("periodic", "periodic", top))
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.02, cell, height), cell), walls=walls, gravity=(0, 0, 0),
-                      bodies=[mpm.Body(fluid, positions, volume=(cell / 2) ** 3)])
+                      bodies=[block(fluid, (0, 0, 0), (0.02, cell, height), cell / 2)])
 
 
 def test_a_copy_of_stick_is_stick_to_the_bit() -> None:
@@ -103,7 +97,7 @@ def test_a_copy_of_stick_is_stick_to_the_bit() -> None:
         solver = corner(mpm.Walls.all(condition))
         solver.advance(0.02)
         ends.append(solver.state() | {"ledger": solver.ledger})
-    assert all(np.array_equal(ends[0][name], ends[1][name]) for name in ends[0])
+    assert same(*ends)
 
 
 def test_a_scene_compiles_the_conditions_of_its_walls() -> None:
@@ -122,15 +116,7 @@ def test_momentum_closes_against_conditions_of_ones_own() -> None:
     solver = corner(mpm.Walls(lower=(Plate(speed=-0.7), Drag(rate=20.0), Plate(speed=0.7)),
                               upper=("friction", "stick", "roller")))
     assert len(solver.fields.wall_conditions) == 5
-    before, total, exchanged = solver.momentum(), np.zeros(6), np.zeros(2)
-    for _ in range(20):
-        solver.advance(10 * solver.dt)
-        rows = solver.ledger[:2]
-        total += rows.sum(0)
-        exchanged += [np.abs(rows[:, :3]).sum(), np.abs(rows[:, 3:]).sum()]
-    after = solver.momentum()
-    assert np.abs(after.linear - before.linear - total[:3]).max() <= 1e-12 * exchanged[0]
-    assert np.abs(after.angular - before.angular - total[3:]).max() <= 1e-12 * exchanged[1]
+    assert max(unbalanced(solver, 20, 10 * solver.dt, 2)) <= 1e-12
     assert solver.diagnostics().escaped == 0 and solver.positions().min() > -1e-3
 
 
@@ -138,11 +124,10 @@ def test_the_example_of_a_condition_is_a_belt() -> None:
     """While an elastic block slides on it, it pulls by friction times its support; then the block has its speed."""
     names = {"dataclass": dataclass, "Friction": Friction, "ti": ti}
     Belt = run_example(WallCondition, "A belt takes ten lines:", names)["Belt"]
-    friction, speed, cell = 0.3, 0.2, 0.01
-    block = mpm.Body(mpm.Elastic(E=1e5, nu=0.2, density=1000.0),
-                     mpm.sample_box((0.05, 0.05, 0), (0.11, 0.11, 0.03), cell / 2), volume=(cell / 2) ** 3)
+    friction, speed = 0.3, 0.2
+    body = block(mpm.Elastic(E=1e5, nu=0.2, density=1000.0), (0.05, 0.05, 0), (0.11, 0.11, 0.03), 0.005)
     belt = Belt(coefficient=friction, velocity=(speed, 0.0, 0.0))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.24, 0.16, 0.1), cell), bodies=[block],
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.24, 0.16, 0.1), 0.01), bodies=[body],
                         walls=mpm.Walls(lower=("slip", "slip", belt), upper=("slip", "slip", "slip")))
     solver.advance(0.04)
     assert solver.ledger[1, 2] > 0 and solver.ledger[1, 0] == pytest.approx(friction * solver.ledger[1, 2], rel=0.01)
@@ -162,12 +147,11 @@ def test_flow_between_plates_is_linear() -> None:
 def test_the_derivative_through_a_moving_wall_is_that_of_differences() -> None:
     """By a fluid's viscosity, where the plate's speed enters fold, mirror and wall; the wall's mass in every one."""
     def scene(viscosity: float) -> mpm.Rollout:
-        positions = mpm.sample_box((0.02, 0.02, 0.0), (0.06, 0.06, 0.03), 0.005, np.random.default_rng(0))
         fluid = mpm.NewtonianFluid(bulk_modulus=2e4, density=1000.0, viscosity=viscosity)
-        plate = Plate(speed=0.3)
         solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.08, 0.08), 0.01), precision="f64", dt=5e-4,
-                            walls=mpm.Walls(lower=(Glue(), "slip", plate), upper=("slip", "slip", "slip")),
-                            bodies=[mpm.Body(fluid, positions, volume=0.005**3)])
+                            walls=mpm.Walls(lower=(Glue(), "slip", Plate(speed=0.3)), upper=("slip", "slip", "slip")),
+                            bodies=[block(fluid, (0.02, 0.02, 0.0), (0.06, 0.06, 0.03), 0.005,
+                                          rng=np.random.default_rng(0))])
         return mpm.Rollout(solver, 20, step_dt=1e-3, materials=True)
 
     loss = WeightedDistance(np.array([0.1, 0.04, 0.0]), np.ones(3))

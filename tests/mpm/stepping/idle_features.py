@@ -11,17 +11,8 @@ import trimesh
 
 import mpm
 
-CELL = 0.02
+CELL, DT = 0.02, 2e-4  # [m], [s]
 FAR = mpm.Pose(np.array([0.42, 0.42, 0.42]), np.array([1.0, 0.0, 0.0, 0.0]))
-
-
-def block() -> np.ndarray:
-    """Positions [m] (n, 3) of the sand."""
-    return mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.1), CELL / 2, np.random.default_rng(0))
-
-
-DT = 2e-4
-"""[s]"""
 
 
 def state(colliders: list[mpm.Collider], bodies: int = 1, transfer_interval: float = 10 * DT,
@@ -29,7 +20,7 @@ def state(colliders: list[mpm.Collider], bodies: int = 1, transfer_interval: flo
     """State of the sand after 0.03 s; a second body lies far from it.
     accelerated: every grain by nothing. sleep: grains could sleep, but none is at rest."""
     sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
-    positions = block()
+    positions = mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.1), CELL / 2, np.random.default_rng(0))
     listed = [mpm.Body(sand, positions, volume=1e-6)]
     if bodies == 2:
         drop = mpm.sample_box((0.4, 0.02, 0.0), (0.44, 0.06, 0.04), CELL / 2)

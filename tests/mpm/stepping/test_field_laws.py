@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import trimesh
+from field_parts import at, block, plate, same, sand, unbalanced
 
 import mpm
 
@@ -10,11 +10,8 @@ G = 9.81
 
 
 def cube(precision: str, velocity=(0.0, 0.0, 0.0), n: int = 8) -> mpm.Solver:
-    cell = 0.05
-    low = np.array([0.301, 0.301, 0.601])
-    positions = mpm.sample_box(low, low + n * cell / 2, cell / 2)
-    body = mpm.Body(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), positions, volume=(cell / 2) ** 3,
-                    velocities=np.tile(velocity, (len(positions), 1)))
+    cell, low = 0.05, np.array([0.301, 0.301, 0.601])
+    body = block(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), low, low + n * cell / 2, cell / 2, velocity)
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), cell), bodies=[body], dt=1e-3, precision=precision)
 
 
@@ -32,23 +29,10 @@ def test_mass_is_exact() -> None:
       for condition in ("friction", "roller", "stick"))])
 def test_ledger_closes_against_walls(conditions: tuple[str, str, str], precision: str, bound: float) -> None:
     """What the grains gain is gravity and wall impulses and nothing else, linear and angular."""
-    cell = 0.02
-    positions = mpm.sample_box((0, 0, 0), (0.1, 0.14, 0.1), cell / 2, np.random.default_rng(1))
-    material = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
-    body = mpm.Body(material, positions, volume=(cell / 2) ** 3,
-                    velocities=np.tile([-1.0, -0.5, -0.5], (len(positions), 1)))
-    walls = mpm.Walls(lower=conditions, upper=conditions)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), cell), bodies=[body], walls=walls,
-                        precision=precision)
-    before, total, exchanged = solver.momentum(), np.zeros(6), np.zeros(2)
-    for _ in range(40):
-        solver.advance(10 * solver.dt)
-        rows = solver.ledger[:2]
-        total += rows.sum(0)
-        exchanged += [np.abs(rows[:, :3]).sum(), np.abs(rows[:, 3:]).sum()]
-    after = solver.momentum()
-    assert np.abs(after.linear - before.linear - total[:3]).max() <= bound * exchanged[0]
-    assert np.abs(after.angular - before.angular - total[3:]).max() <= bound * exchanged[1]
+    thrown = block(sand(nu=0.3), (0, 0, 0), (0.1, 0.14, 0.1), 0.01, (-1.0, -0.5, -0.5), np.random.default_rng(1))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[thrown],
+                        walls=mpm.Walls(lower=conditions, upper=conditions), precision=precision)
+    assert max(unbalanced(solver, 40, 10 * solver.dt, 2)) <= bound
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "roller"])
@@ -73,16 +57,14 @@ def test_periodic_sides_repeat_space(boundary: str) -> None:
 
 def test_periodic_axis_shifts_nothing() -> None:
     """A heap that collapses across the seam does what it does in the middle (f64, to rounding)."""
-    cell = 0.02
-    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    block = mpm.sample_box((0, 0, 0), (0.08, 0.08, 0.1), cell / 2)
-    ends = []
+    cell, ends, sides = 0.02, [], ("periodic", "friction", "friction")
+    heap = mpm.sample_box((0, 0, 0), (0.08, 0.08, 0.1), cell / 2)
     for shift in (0.12, 0.28):  # the second lies across the seam at 0.32
-        positions = block + [shift, 0.12, 0.0]
+        positions = heap + [shift, 0.12, 0.0]
         positions[:, 0] = np.mod(positions[:, 0], 0.32)
-        walls = mpm.Walls(lower=("periodic", "friction", "friction"), upper=("periodic", "friction", "friction"))
-        solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.32, 0.32, 0.2), cell), walls=walls, precision="f64",
-                            bodies=[mpm.Body(sand, positions, volume=(cell / 2) ** 3)])
+        solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.32, 0.32, 0.2), cell), precision="f64",
+                            walls=mpm.Walls(lower=sides, upper=sides),
+                            bodies=[mpm.Body(sand(), positions, volume=(cell / 2) ** 3)])
         solver.advance(0.1)
         moved = solver.positions()
         moved[:, 0] = np.mod(moved[:, 0] - shift + 0.1, 0.32)
@@ -112,21 +94,15 @@ def test_ledger_closes_with_shell_and_solid_together() -> None:
     """Sand on a plate near the floor, struck by a moving ball: what the grains gain, somebody gave. The last pack,
     beside the plate, has one grain in four lanes."""
     cell = 0.01
-    corners = [[-0.06, -0.06, 0], [0.06, -0.06, 0], [0.06, 0.06, 0], [-0.06, 0.06, 0]]
-    plate = mpm.Shell.from_mesh(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]), 1e-3)
-    upright = mpm.Pose.identity().quaternion
     grains = mpm.sample_box((0.06, 0.06, 0.008), (0.14, 0.14, 0.05), cell / 2)[::-1][:-3]
     assert len(grains) % 4 == 1
-    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    ball = mpm.Pose(np.array([0.1, 0.1, 0.085]), upright)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.15), cell), precision="f64",
-                        bodies=[mpm.Body(sand, grains, volume=(cell / 2) ** 3)],
-                        colliders=[mpm.Collider(plate, pose=mpm.Pose(np.array([0.1, 0.1, 0.003]), upright)),
-                                   mpm.Collider(mpm.Sdf.sphere(0.03), pose=ball)])
+                        bodies=[mpm.Body(sand(), grains, volume=(cell / 2) ** 3)],
+                        colliders=[mpm.Collider(mpm.Shell.from_mesh(plate(0.06), 1e-3), pose=at(0.1, 0.1, 0.003)),
+                                   mpm.Collider(mpm.Sdf.sphere(0.03), pose=at(0.1, 0.1, 0.085))])
     before, given, exchanged = solver.momentum(), np.zeros(6), 0.0
     for step in range(30):
-        begin, end = (mpm.Pose(ball.position - [0, 0, 1e-3 * n], upright) for n in (step, step + 1))
-        solver.set_collider_motion(1, begin, end)
+        solver.set_collider_motion(1, *(at(0.1, 0.1, 0.085 - 1e-3 * n) for n in (step, step + 1)))
         solver.advance(2e-3)
         given += solver.ledger[:4].sum(0)
         exchanged += np.abs(solver.ledger[:4]).sum()
@@ -139,13 +115,11 @@ def test_ledger_closes_with_shell_and_solid_together() -> None:
 def test_what_was_near_a_shell_before_is_forgotten() -> None:
     """A shell that has been at a periodic side leaves nothing behind there: grains that cross the side later move as
     they do in a solver that never saw it."""
-    cell, ends = 0.01, []
-    sides = ("periodic", "slip", "slip")
-    corners = [[0, -0.03, -0.03], [0, 0.03, -0.03], [0, 0.03, 0.03], [0, -0.03, 0.03]]
-    sheet = mpm.Shell.from_mesh(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]), 1e-3)
+    cell, ends, sides = 0.01, [], ("periodic", "slip", "slip")
+    sheet = mpm.Shell.from_mesh(plate(0.03, axis=0), 1e-3)
     grains = mpm.sample_box((0.225, 0.05, 0.05), (0.235, 0.07, 0.07), cell / 2)
     for there_before in (False, True):
-        place = mpm.Pose(np.array([0.232 if there_before else 0.12, 0.06, 0.06]), mpm.Pose.identity().quaternion)
+        place = at(0.232 if there_before else 0.12, 0.06, 0.06)
         solver = mpm.Solver(
             grid=mpm.Grid((0, 0, 0), (0.24, 0.12, 0.12), cell), gravity=(0, 0, 0), precision="f64",
             walls=mpm.Walls(lower=sides, upper=sides), colliders=[mpm.Collider(sheet, friction=0.3, pose=place)],
@@ -160,21 +134,18 @@ def test_what_was_near_a_shell_before_is_forgotten() -> None:
         ends.append(solver.state())
         assert not solver.collider_impulse(0).force.any()
         solver.close()  # the next one compiles nothing
-    assert all((ends[0][name] == ends[1][name]).all() for name in ends[0])
+    assert same(*ends)
 
 
 def test_the_ledger_is_all_that_grains_are_given() -> None:
     """Its rows are gravity, walls and colliders and nothing else, so that they sum to the change of momentum, also with
     another gravity and another density than the solver was built with."""
-    sand = {"E": 1e5, "nu": 0.2, "friction_angle_deg": 30.0}
-    grains = mpm.sample_box((0.04, 0.04, 0.0), (0.12, 0.12, 0.06), 0.01)
-    above = mpm.Pose(np.array([0.08, 0.08, 0.09]), mpm.Pose.identity().quaternion)
-    ball = mpm.Collider(mpm.Sdf.sphere(0.03), pose=above)
+    ball = mpm.Collider(mpm.Sdf.sphere(0.03), pose=at(0.08, 0.08, 0.09))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16,) * 3, 0.02), colliders=[ball], precision="f64",
-                        bodies=[mpm.Body(mpm.DruckerPrager(density=1500.0, **sand), grains, volume=1e-6)])
+                        bodies=[block(sand(), (0.04, 0.04, 0.0), (0.12, 0.12, 0.06), 0.01)])
     solver.advance(5e-3)
     solver.set_gravity(np.array([1.0, 0.0, -3.0]))
-    solver.set_material(0, mpm.DruckerPrager(density=1800.0, **sand))
+    solver.set_material(0, sand(density=1800.0))
     assert solver.momentum_after_advance().linear == pytest.approx(solver.momentum().linear, rel=1e-12)
     before = np.concatenate(solver.momentum_after_advance())
     solver.advance(5e-3)
@@ -187,12 +158,10 @@ def test_the_ledger_is_all_that_grains_are_given() -> None:
 
 def test_body_acceleration_is_gravity() -> None:
     """The same acceleration given to every grain, and credited to the same row of the ledger."""
-    cell = 0.05
-    positions = mpm.sample_box((0.3, 0.3, 0.6), (0.5, 0.5, 0.8), cell / 2)
-    body = mpm.Body(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), positions, volume=(cell / 2) ** 3)
+    body = block(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), (0.3, 0.3, 0.6), (0.5, 0.5, 0.8), 0.025)
     ends, rows = [], []
-    for gravity, given in (((0, 0, -G), None), ((0, 0, 0), np.tile([0.0, 0.0, -G], (len(positions), 1)))):
-        solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), cell), bodies=[body], gravity=gravity, dt=1e-3,
+    for gravity, given in (((0, 0, -G), None), ((0, 0, 0), np.tile([0.0, 0.0, -G], (len(body.positions), 1)))):
+        solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.05), bodies=[body], gravity=gravity, dt=1e-3,
                             body_acceleration=given, precision="f64")
         solver.advance(0.1)
         ends.append(solver.positions())

@@ -5,20 +5,16 @@ import threading
 
 import numpy as np
 import pytest
+from field_parts import UPRIGHT, at, block, same, sand
 
 import mpm
-
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-CELL = 0.02
 
 
 def make(mobile: bool = False) -> mpm.Solver:
     """Sand with a ball above it, after a first advance."""
-    sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0.04, 0.04, 0.0), (0.16, 0.16, 0.06), 0.01)
-    ball = mpm.Collider(mpm.Sdf.sphere(0.03), mobile=mobile, pose=mpm.Pose(np.array([0.1, 0.1, 0.092]), UPRIGHT))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), CELL), colliders=[ball],
-                        bodies=[mpm.Body(sand, positions, volume=1e-6)])
+    ball = mpm.Collider(mpm.Sdf.sphere(0.03), mobile=mobile, pose=at(0.1, 0.1, 0.092))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), colliders=[ball],
+                        bodies=[block(sand(E=1.5e5), (0.04, 0.04, 0.0), (0.16, 0.16, 0.06), 0.01)])
     drive(solver)
     solver.advance(0.01)
     return solver
@@ -49,11 +45,6 @@ def standing(solver: mpm.Solver) -> dict[str, np.ndarray]:
                              "substep": np.array(solver.substep)}
 
 
-def equal(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> bool:
-    """Whether two states are equal to the bit."""
-    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
-
-
 @pytest.mark.parametrize("velocity", [(0, 0, -1e4), (0, np.nan, 0), (np.inf, 0, 0)], ids=["fast", "nan", "inf"])
 def test_divergence_is_found_in_its_substep_and_undone(velocity):
     with make() as solver:
@@ -66,7 +57,7 @@ def test_divergence_is_found_in_its_substep_and_undone(velocity):
         error = caught.value
         assert error.step == before["steps"] + 1
         assert error.time == pytest.approx(before["time"] + solver.dt, rel=0.1)
-        assert equal(standing(solver), before)
+        assert same(standing(solver), before)
         assert error.state["steps"] == error.step and not np.array_equal(error.state["x"], before["x"])
 
 
@@ -82,7 +73,7 @@ def test_a_solver_goes_on_after_a_failed_advance_as_if_there_had_been_none(mobil
         solver.load(good)
         drive(solver)
         solver.advance(0.01)
-        assert equal(standing(solver), wanted)
+        assert same(standing(solver), wanted)
 
 
 @pytest.mark.parametrize("mobile", [False, True], ids=["driven", "mobile"])
@@ -94,7 +85,7 @@ def test_ctrl_c_undoes_the_advance(mobile):
             threading.Timer(0.1 + 0.05 * k, signal.raise_signal, [signal.SIGINT]).start()
             with pytest.raises(KeyboardInterrupt):
                 solver.advance(1000.0)
-            assert equal(standing(solver), before)
+            assert same(standing(solver), before)
             assert np.array_equal(solver.collider_pose(0).position, pose.position)
 
 
@@ -105,7 +96,7 @@ def test_a_refusal_keeps_the_motion_that_was_given():
         solver.set_collider_motion(0, here, mpm.Pose(here.position + [0, 0, 1e6], UPRIGHT))
         with pytest.raises(mpm.ColliderTooFast):
             solver.advance(1e-3)
-        assert equal(standing(solver), before)
+        assert same(standing(solver), before)
         drive(solver)
         solver.advance(1e-3)
         assert solver.collider_pose(0).position[2] == pytest.approx(here.position[2] - 2e-3)
@@ -119,4 +110,4 @@ def test_a_checkpoint_survives_a_failed_advance():
         solver.advance(0.01)
         fail(solver)
         solver.restore_checkpoint()
-        assert equal(solver.state(), {name: before[name] for name in solver.state()})
+        assert same(solver.state(), {name: before[name] for name in solver.state()})

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
+from field_parts import UPRIGHT, block, same, sand
 
 import mpm
 from mpm.state.sleepers import FORCE, MASS
 from mpm.stepping.phases import phases_of
 
 CELL = 0.01
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
+SAND = sand(E=1.5e5)
 WATER = mpm.NewtonianFluid(bulk_modulus=1.5e5, density=1000.0, viscosity=1.0)
 BALL = mpm.Sdf.sphere(0.02)
 HIGH, LOW = np.array([0.04, 0.04, 0.20]), np.array([0.04, 0.04, 0.06])
@@ -141,12 +141,12 @@ def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm
     ahead = sleeping.state()
     sleeping.load(state)
     lower(sleeping, 0.003)
-    assert all(np.array_equal(ahead[name], value) for name, value in sleeping.state().items())
+    assert same(sleeping.state(), ahead)
     sleeping.load(state)
     with pytest.raises(mpm.ColliderTooFast):
         lower(sleeping, 1e6)
     lower(sleeping, 0.003)
-    assert all(np.array_equal(ahead[name], value) for name, value in sleeping.state().items())
+    assert same(sleeping.state(), ahead)
     wild = {name: value.copy() for name, value in state.items()}
     wild["v"][np.flatnonzero(state["rest"][:, 0] == 0.0)[0], 0] = 1e5
     sleeping.load(wild)
@@ -154,7 +154,7 @@ def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm
         sleeping.advance(0.02)
     sleeping.load(state)
     lower(sleeping, 0.003)
-    assert all(np.array_equal(ahead[name], value) for name, value in sleeping.state().items())
+    assert same(sleeping.state(), ahead)
 
 
 SIDES = ("periodic", "friction", "friction")
@@ -228,11 +228,9 @@ def test_beds_rest_on_upper_walls_as_on_lower_ones(cells: int) -> None:
 @pytest.mark.parametrize(("speed", "sleep"), [(1e-3, 1.0), (1e-4, 0.1)])
 def test_a_block_that_slides_slowly_is_not_frozen(speed: float, sleep: float) -> None:
     """On a floor without friction it keeps its speed of 1 mm/s; of a tenth of that with a tenth of the thresholds."""
-    walls = mpm.Walls.all("slip")
-    block = mpm.sample_box((0.03, 0.02, 0.0), (0.07, 0.06, 0.02), CELL / 2)
-    body = mpm.Body(mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0), block, volume=1.25e-7,
-                    velocities=np.tile([speed, 0.0, 0.0], (len(block), 1)))
-    solver = make(bodies=[body], walls=walls, sleep=sleep)
+    body = block(mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0), (0.03, 0.02, 0.0), (0.07, 0.06, 0.02), CELL / 2,
+                 (speed, 0.0, 0.0))
+    solver = make(bodies=[body], walls=mpm.Walls.all("slip"), sleep=sleep)
     start = solver.positions()[:, 0].mean()
     solver.advance(1.0)
     assert solver.awake.all()

@@ -2,24 +2,20 @@
 
 import numpy as np
 import pytest
-import trimesh
+from field_parts import at, block, plate, same, sand
 
 import mpm
 from mpm.rollout.losses import LossGradient, RolloutStates
 
 CELL, DT = 0.02, 2e-4
-SPEED = 1e-5
-"""[m/s]: 2e-9 m in a substep, where single precision resolves 1.2e-7 m."""
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+SPEED = 1e-5  # [m/s]: 2e-9 m in a substep, where single precision resolves 1.2e-7 m
 
 
 def slow_block(precision: str = "f32", low: float = 0.9, **options) -> tuple[mpm.Solver, np.ndarray]:
     """A block of grains that moves in all directions at `SPEED`, and where its grains begin [m] (n, 3)."""
-    positions = mpm.sample_box((low,) * 3, (low + 3 * CELL,) * 3, CELL / 2, np.random.default_rng(0))
-    sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
-    body = mpm.Body(sand, positions, np.full(positions.shape, SPEED), volume=(CELL / 2) ** 3)
+    body = block(sand(nu=0.3), (low,) * 3, (low + 3 * CELL,) * 3, CELL / 2, (SPEED,) * 3, np.random.default_rng(0))
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.2, 1.2, 1.2), CELL), bodies=[body], gravity=(0, 0, 0), dt=DT,
-                      precision=precision, **options), positions
+                      precision=precision, **options), body.positions
 
 
 @pytest.mark.parametrize("interval", [0.0, 5 * DT])
@@ -35,10 +31,8 @@ def test_grains_far_from_the_origin_move(interval: float) -> None:
 
 def test_grains_beside_a_shell_move() -> None:
     """They are moved one by one. The shell has no friction, and is further away than it pushes."""
-    corners = [[-0.1, -0.1, 0], [0.1, -0.1, 0], [0.1, 0.1, 0], [-0.1, 0.1, 0]]
-    sheet = mpm.Shell.from_mesh(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]), 1e-3)
-    place = mpm.Pose(np.array([0.93, 0.93, 0.885]), UPRIGHT)
-    solver, begin = slow_block(colliders=[mpm.Collider(sheet, friction=0.0, pose=place)])
+    sheet = mpm.Shell.from_mesh(plate(0.1), 1e-3)
+    solver, begin = slow_block(colliders=[mpm.Collider(sheet, friction=0.0, pose=at(0.93, 0.93, 0.885))])
     solver.advance(2000 * DT)
     beside = solver.state()["side"][:, 0] != 0
     moved = (solver.positions() - begin)[beside].mean(0)
@@ -49,16 +43,13 @@ def test_grains_beside_a_shell_move() -> None:
 
 def test_a_slow_solid_pushes_grains() -> None:
     """Grains that a moving solid keeps out of itself move with its face."""
-    positions = mpm.sample_box((0.9, 0.9, 0.9), (0.96, 0.96, 0.96), CELL / 2)
-    body = mpm.Body(mpm.Elastic(E=1e4, nu=0.3, density=1000.0), positions, volume=(CELL / 2) ** 3)
-    plate = mpm.Collider(mpm.Sdf.box((0.02, 0.1, 0.1)), pose=mpm.Pose(np.array([0.88, 0.93, 0.93]), UPRIGHT))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.2, 1.2, 1.2), CELL), bodies=[body], colliders=[plate],
+    body = block(mpm.Elastic(E=1e4, nu=0.3, density=1000.0), (0.9,) * 3, (0.96,) * 3, CELL / 2)
+    wall = mpm.Collider(mpm.Sdf.box((0.02, 0.1, 0.1)), pose=at(0.88, 0.93, 0.93))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.2, 1.2, 1.2), CELL), bodies=[body], colliders=[wall],
                         gravity=(0, 0, 0), dt=DT, precision="f32")
-    begin = solver.colliders[0].pose
-    end = mpm.Pose(begin.position + [2000 * DT * SPEED, 0, 0], UPRIGHT)
-    solver.set_collider_motion(0, begin, end)
+    solver.set_collider_motion(0, wall.pose, at(0.88 + 2000 * DT * SPEED, 0.93, 0.93))
     solver.advance(2000 * DT)
-    moved = (solver.positions() - positions)[:, 0].mean()
+    moved = (solver.positions() - body.positions)[:, 0].mean()
     assert moved > 0.5 * SPEED * 2000 * DT
     solver.close()
 
@@ -73,8 +64,7 @@ def test_a_state_has_the_remainder() -> None:
     end = solver.state()
     solver.load(stored)
     solver.advance(100 * DT)
-    again = solver.state()
-    assert all((end[name] == again[name]).all() for name in end)
+    assert same(end, solver.state())
     solver.load({name: values for name, values in stored.items() if name != "remainder"})
     assert not solver.state()["remainder"].any()
     solver.load(stored)
