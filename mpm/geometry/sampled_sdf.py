@@ -47,7 +47,6 @@ class Sampled(Shape):
         put(self.values, self.host)
 
     def signature(self) -> Hashable:
-        """Return what two such shapes share that kernels cannot tell apart."""
         return sign(self, digest(self.host))
 
 

@@ -114,12 +114,10 @@ class MuIRheology(DruckerPrager):
     @staticmethod
     @ti.func
     def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template(), dt):
-        """Return (h, vc) after the flow of dt [s]."""
         return map_onto_cone(h, vc, p, dt, True)
 
     @staticmethod
     @ti.func
     def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt, bar: ti.template(), vc_bar,
                             soft: ti.template()):
-        """Return the adjoints of h, vc and p."""
         return map_onto_cone_back(h, vc, p, dt, bar, vc_bar, soft, True)

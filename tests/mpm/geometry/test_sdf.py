@@ -39,13 +39,6 @@ def test_union_of_overlapping_parts_has_no_hole() -> None:
     assert lattice.distance(np.array([[0.005, 0.0, 0.0]]))[0] < -4.9e-3
 
 
-def test_open_mesh_is_refused() -> None:
-    mesh = trimesh.creation.box((0.02, 0.02, 0.02))
-    mesh.update_faces(np.arange(len(mesh.faces)) > 1)
-    with pytest.raises(mpm.InvalidValue, match="open edges"):
-        mpm.Sdf.from_mesh(mesh)
-
-
 TURN = Rotation.from_rotvec([0.4, -0.3, 0.8]).as_matrix()
 SHAPES = {
     "plane": mpm.Sdf.plane((0.3, 0.2, 0.9)), "sphere": mpm.Sdf.sphere(0.02), "capsule": mpm.Sdf.capsule(0.01, 0.02),
