@@ -13,8 +13,6 @@ from robosim.cell.cell import Cell
 from robosim.config.arm import Grip
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
-from robosim.randomization.draw import STANDARD, Setting
-from robosim.randomization.scene_setting import SceneSetting
 from robosim.robot.assembly import GRIP_TURNS_DEG, add_sensors
 from robosim.robot.inverse_kinematics import solve_path, solve_pose, step_towards
 from robosim.robot.joint_control import JointSmoother
@@ -26,6 +24,8 @@ from robosim.scene.grasp import CLOSING_SHARE
 from robosim.scene.models import assemble
 from robosim.senses.arm_sampler import ArmSampler
 from robosim.tasks.counting import TOOL
+from robosim.tasks.draw import STANDARD, Setting
+from robosim.tasks.scene_setting import SceneSetting
 from robosim.tasks.task import TaskConfig
 
 IIWA = "iiwa14"

@@ -9,9 +9,9 @@ import mpm
 from mpm.observers.region_counter import MAX_READINGS
 from robosim.dosing.vibration import Vibration
 from robosim.envs.episode import read_pose
-from robosim.randomization.draw import STANDARD, Setting, read_setting
 from robosim.tasks.actions import move_pose
 from robosim.tasks.counting import TOOL
+from robosim.tasks.draw import STANDARD, Setting, read_setting
 from robosim.tasks.task import TaskConfig
 
 ORIGIN = np.zeros(3)

@@ -13,11 +13,11 @@ import mpm
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.arm import Grip
 from robosim.config.tool import ToolConfig
-from robosim.randomization.draw import STANDARD, Setting
 from robosim.randomization.ranges import Ranges
 from robosim.senses.perception import Terms
 from robosim.senses.senses import TermOptions
 from robosim.tasks.actions import check_action_repeat
+from robosim.tasks.draw import STANDARD, Setting
 from robosim.tasks.handover import Load
 from robosim.tasks.outcome import build_outcome, build_reward
 from robosim.tasks.task import TaskConfig

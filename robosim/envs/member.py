@@ -12,10 +12,10 @@ from robosim.envs.carrier import Carrier
 from robosim.envs.episode import EnvOptions, Episode
 from robosim.envs.start import StartOptions
 from robosim.envs.world import FieldAccess, World
-from robosim.randomization.draw import Draw, Setting
 from robosim.scene.grains import grain_volume_of
 from robosim.senses.term import Sight
 from robosim.tasks.actions import ActionScaling, DelayLine, delay_steps
+from robosim.tasks.draw import Draw, Setting
 
 ATTEMPTS = 16
 """Random starts that are drawn until an arm reaches one."""

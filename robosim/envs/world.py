@@ -11,7 +11,6 @@ from robosim.base.errors import ConfigError
 from robosim.config.materials import Law, grain_diameter_of, load_material, overridden
 from robosim.envs.episode import EnvOptions
 from robosim.envs.start import StartOptions, rotate_grains, settled_state, turned
-from robosim.randomization.draw import HOME, Draw, Setting
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, check_substeps, largest_step
@@ -20,6 +19,7 @@ from robosim.senses.channel import DRAWN_TIMING
 from robosim.senses.perception import Perception
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL, build_counter
+from robosim.tasks.draw import HOME, Draw, Setting
 from robosim.tasks.handover import load_state, task_with_load
 from robosim.tasks.task import TaskConfig, load_task
 

@@ -1,4 +1,4 @@
 """What episodes draw at random: materials, places, fills, frictions, errors of the robot and of its sensors.
 
-Imports: base, config, robot, scene, tasks, mpm.
+Imports: base, config, scene, tasks, mpm.
 """

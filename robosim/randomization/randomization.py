@@ -13,12 +13,12 @@ from mpm.geometry.rigid_motion import rotate
 from mpm.materials.stable_step import accepted_bound
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.materials import Law, MaterialConfig, number_names, overridden
-from robosim.randomization.draw import HOME, Draw, Setting, Vector
 from robosim.randomization.materials import find_material
 from robosim.randomization.ranges import IN_LEVELS, LEVELS, MATERIAL, NUMBERS, Ranges, valid_numbers
 from robosim.randomization.variants import check_fill, displacement, filled
 from robosim.scene.field import largest_step
 from robosim.scene.grains import grain_volume
+from robosim.tasks.draw import HOME, Draw, Setting, Vector
 from robosim.tasks.outcome import load_mass
 from robosim.tasks.sections import TARGET_MASS
 from robosim.tasks.task import TaskConfig

@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose
-from robosim.cell.dosing_driver import DosingDriver
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import accepted_error
 from robosim.planning.learned_path import LearnedPath
 from robosim.planning.waypoint_path import is_in_container
 from robosim.rehearsal.comparison import replay_figures
+from robosim.rehearsal.dosing_driver import DosingDriver
 from robosim.rehearsal.mass_balance import (
     GRAVITY,
     compute_fractions,

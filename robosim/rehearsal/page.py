@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from robosim.cell.dosing_driver import DoseSample, DosingDriver
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.comparison import replay_charts
+from robosim.rehearsal.dosing_driver import DoseSample, DosingDriver
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.run import RehearsalRun
 from robosim.reports.curves import Chart, Curve, draw_charts

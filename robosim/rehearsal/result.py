@@ -8,11 +8,11 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.base.output_folder import OutputFolder
-from robosim.cell.dosing_driver import DoseSample
 from robosim.config.motion import JointTrajectoryConfig
 from robosim.config.table import validate
 from robosim.episode.film import FilmFailed
 from robosim.recordings.reader import FILE as RECORDING
+from robosim.rehearsal.dosing_driver import DoseSample
 from robosim.rehearsal.readings import align_signs
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.video import read_frames
@@ -52,7 +52,7 @@ class Result:
         align_signs(self.curves["commanded"], self.curves["reached"])
         self.curves |= {"grain_time": run.readings.stack_grains("time"),
                         "mass_in_tool": run.readings.stack_grains("mass_in_tool")}
-        if run.dosing is not None:  # see `robosim.cell.dosing_driver.DoseSample`
+        if run.dosing is not None:  # see `robosim.rehearsal.dosing_driver.DoseSample`
             self.curves |= {f"dose_{name}": run.dosing.stack(name) for name in DoseSample._fields}
         self.positions = run.solver.positions()
         """Of the grains at the end [m] (m, 3)."""

@@ -9,13 +9,13 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.cell.cell import Cell
-from robosim.cell.dosing_driver import DosingDriver
 from robosim.cell.drivers import MotionDriver, OwnDriver, RobotState
 from robosim.config.materials import MaterialConfig, load_material
 from robosim.planning.lip_motion import dose_cup
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import Plan
 from robosim.rehearsal.comparison import WrenchComparison, compare_wrench
+from robosim.rehearsal.dosing_driver import DosingDriver
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
 from robosim.rehearsal.recorded_motion import RecordedMotion
 from robosim.robot.joint_control import TorqueSensors

@@ -13,7 +13,6 @@ import mpm
 from robosim.base.errors import ConfigError, DriverFault, RobotDiverged
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
-from robosim.cell.dosing_driver import check_target, make_dose_controller
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.table import validate
@@ -25,6 +24,7 @@ from robosim.planning.plan import Plan, plan_motion
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.comparison import OPPOSITE
+from robosim.rehearsal.dosing_driver import check_target, make_dose_controller
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.page import make_page
 from robosim.rehearsal.recorded_motion import RecordedMotion, read_log

@@ -9,11 +9,11 @@ import mpm
 from mpm.observers.height_map import HeightMap, Raster
 from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig
-from robosim.randomization.draw import HOME
 from robosim.scene.grains import grain_volume
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_count
 from robosim.shapes import tool_shape
+from robosim.tasks.draw import HOME
 from robosim.tasks.task import TaskConfig
 
 MOST_PIXELS = 512

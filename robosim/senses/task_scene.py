@@ -8,11 +8,11 @@ import numpy as np
 
 import mpm
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.randomization.scene_setting import StillBodies
 from robosim.rendering.renderer import TARGET_MARK, add_mark
 from robosim.robot.mjspec import quiet_attachment
 from robosim.scene.build import add_container
 from robosim.scene.models import load_spec, load_tool_model
+from robosim.tasks.scene_setting import StillBodies
 from robosim.tasks.task import TaskConfig
 
 OWN = "own_camera"

@@ -10,7 +10,7 @@ import numpy as np
 import mpm
 from robosim.base.errors import ConfigError
 from robosim.config.materials import MaterialConfig
-from robosim.randomization.draw import STANDARD, Setting
+from robosim.tasks.draw import STANDARD, Setting
 from robosim.tasks.task import TaskConfig
 
 NOTHING: Mapping[str, float] = {}

@@ -7,10 +7,10 @@ from grain_envs import make, make_vector, play, same
 
 from mpm.observers.height_map import Raster
 from robosim.base.errors import ConfigError
-from robosim.randomization.draw import HOME
 from robosim.randomization.ranges import wide_ranges
 from robosim.randomization.variants import displacement, placed
 from robosim.senses.height_map import PlacedFloor, floor_heights
+from robosim.tasks.draw import HOME
 from robosim.tasks.task import load_task
 
 PLACE = {"place_x": (-0.03, 0.03), "place_y": (-0.03, 0.03), "place_yaw_deg": (-30.0, 30.0)}

@@ -18,11 +18,11 @@ from robosim.envs import DOSING, TASKS
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import EnvOptions, Episode
 from robosim.envs.world import World
-from robosim.randomization.draw import STANDARD
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.scene.grains import grain_volume
 from robosim.tasks.actions import ActionScaling
+from robosim.tasks.draw import STANDARD
 from robosim.tasks.handover import Load, task_with_load
 from robosim.tasks.objective import build_objective
 from robosim.tasks.outcome import REST, Dose, build_reward, load_mass

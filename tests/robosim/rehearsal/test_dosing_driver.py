@@ -5,11 +5,11 @@ import pytest
 from bundled import plan_of, rehearsal
 
 from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
-from robosim.cell.dosing_driver import DosingDriver
 from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
 from robosim.dosing.pour_curve import PourCurve
 from robosim.planning.clearance import Clearances
 from robosim.planning.plan import Plan
+from robosim.rehearsal.dosing_driver import DosingDriver
 from robosim.rehearsal.metrics import dose_figures
 from robosim.rehearsal.session import check_config
 from robosim.robot.timing import JointState

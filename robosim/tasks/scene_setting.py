@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 
 import mpm
-from robosim.randomization.draw import HOME, STANDARD, Setting
 from robosim.robot.joint_control import Servo
 from robosim.robot.mjspec import body_ids_below
 from robosim.scene.compiled import Scene
+from robosim.tasks.draw import HOME, STANDARD, Setting
 from robosim.tasks.task import TaskConfig
 
 
