@@ -26,8 +26,7 @@ def test_help_lists_the_bundled_tasks(name: str, capsys: pytest.CaptureFixture[s
     (["sweep", "small.yaml"], "policies.runs.sweep:sweep"),
     (["tables", "runs", "--out", "x"], "policies.results.tables:tables"),
 ], ids=lambda value: value if isinstance(value, str) else value[0])
-def test_options_are_handed_on_as_the_function_takes_them(arguments: list[str], place: str,
-                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+def test_options_are_handed_on_as_the_function_takes_them(arguments: list[str], place: str, monkeypatch) -> None:
     """With the defaults of the command line where those of the function are the same."""
     module, _, name = place.partition(":")
     function = getattr(__import__(module, fromlist=[name]), name)

@@ -32,8 +32,7 @@ def test_adjoint_of_the_map_from_actions_to_twists():
     linear, angular = motion.to_twists(actions)
     assert linear.shape == angular.shape == (1000, 3)
     positions = motion.start + motion.dt * linear.cumsum(0)
-    assert np.all(positions <= motion.upper + 1e-12)
-    assert not motion.unclipped.all()
+    assert np.all(positions <= motion.upper + 1e-12) and not motion.unclipped.all()
     W, U = rng.standard_normal((1000, 3)), rng.standard_normal((1000, 3))
     bars = motion.pull_back(W, U)
     for _ in range(20):
@@ -129,8 +128,7 @@ def test_spline_search_continues_from_its_losses():
         for _ in range(300):
             search.step(loss(search.now))
     assert np.array_equal(one.best, two.best) and one.lowest == two.lowest < 0.01 * losses[0]
-    assert len(one.convergence_losses(losses)) == 25
-    assert one.convergence_losses(losses)[-1] == min(losses[:250])
+    assert len(one.convergence_losses(losses)) == 25 and one.convergence_losses(losses)[-1] == min(losses[:250])
 
 
 def test_demands_on_the_arm():
@@ -159,7 +157,6 @@ def make(out, n: int = 1, jobs: int = 1, iterations: int = 3, **options) -> int:
 
 
 def names(folder) -> set[str]:
-    """Names of a folder's files that are not hidden."""
     return {path.name for path in folder.glob("[!.]*")}
 
 
@@ -177,7 +174,6 @@ def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
     assert evaluate("SpoonTranslate", str(whole / name), tmp_path / "again", episodes=1, film=False) == 0
     again = json.loads((tmp_path / "again" / "evaluation.json").read_text())
     assert again["tcs"] == pytest.approx(row["among grains of salt"]["tcs"], abs=1e-9)
-
     real, calls = MotionLoss.value_and_grad, []
 
     def killed(self, actions):

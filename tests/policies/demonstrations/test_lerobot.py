@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import mpm
+from policies.demonstrations.export import export_lerobot
 from policies.learning.environments import make_environment
 from robosim.episode.play import run_episode
 
@@ -34,8 +35,6 @@ print(json.dumps({"episodes": data.num_episodes, "fps": data.fps, "task": rows[0
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Return the folders of two demonstrations and of the dataset made of them."""
     pytest.importorskip("pyarrow")
-    from policies.demonstrations.export import export_lerobot
-
     folder = tmp_path_factory.mktemp("lerobot")
     for k in range(2):
         actions = np.random.default_rng(k).uniform(-0.2, 0.2, (10, 3)).astype(np.float32)
@@ -94,8 +93,6 @@ def test_lerobot_opens_it(dataset: tuple[Path, Path]) -> None:
 
 
 def test_what_exists_is_not_replaced(dataset: tuple[Path, Path]) -> None:
-    from policies.demonstrations.export import export_lerobot
-
     folder, out = dataset
     before = sorted(path.name for path in folder.iterdir())
     with pytest.raises(mpm.InvalidValue, match="exists; accepted: a new folder"):

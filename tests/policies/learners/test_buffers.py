@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from contextlib import nullcontext
 
 import gymnasium
 import numpy as np
@@ -29,8 +30,7 @@ def make_model(kind, **options):
 def test_without_demonstrations_it_is_the_method_itself(kind, steps):
     """The same parameters after as many updates as steps."""
     models = [make_model(kind, **options).learn(steps) for options in ({}, {"replay_buffer_class": DemoReplayBuffer})]
-    assert models[0]._n_updates >= steps - 10
-    assert np.abs(weights(models[0]) - weights(models[1])).max() < 1e-6
+    assert models[0]._n_updates >= steps - 10 and np.abs(weights(models[0]) - weights(models[1])).max() < 1e-6
 
 
 def make_buffer(fraction: float, demos: int, own: int) -> DemoReplayBuffer:
@@ -40,10 +40,7 @@ def make_buffer(fraction: float, demos: int, own: int) -> DemoReplayBuffer:
     for k in range(demos + own):
         row = np.full((1, 2), k / 1000.0, np.float32)
         transition = (row, row, row, np.array([float(k < demos)]), np.array([False]), [{}])
-        if k < demos:
-            with buffer.demonstrating():
-                buffer.add(*transition)
-        else:
+        with buffer.demonstrating() if k < demos else nullcontext():
             buffer.add(*transition)
     return buffer
 
@@ -56,8 +53,7 @@ def test_batches_have_the_fraction_of_demonstrations(fraction, demos, own, expec
     buffer = make_buffer(fraction, demos, own)
     np.random.seed(0)  # noqa: NPY002
     batch = buffer.sample(64)
-    assert float(batch.rewards.mean()) == expected
-    assert batch.observations.shape == (64, 2)
+    assert float(batch.rewards.mean()) == expected and batch.observations.shape == (64, 2)
     stored = pickle.dumps(buffer)
     assert len(stored) < 20_000  # rows in use, not the capacity
     loaded = pickle.loads(stored)
@@ -75,10 +71,7 @@ def test_dictionary_observations_are_stored():
     observation = {key: np.ones((1, *part.shape), np.float32) for key, part in space.items()}
     for k in range(4):
         transition = (observation, observation, np.ones((1, 2)), np.array([float(k % 2)]), np.array([False]), [{}])
-        if k % 2:
-            with buffer.demonstrating():
-                buffer.add(*transition)
-        else:
+        with buffer.demonstrating() if k % 2 else nullcontext():
             buffer.add(*transition)
     batch = pickle.loads(pickle.dumps(buffer)).sample(10)
     assert batch.observations["a"].shape == (10, 2, 3) and float(batch.rewards.mean()) == 0.5

@@ -13,8 +13,7 @@ from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names
 from robosim.config.settings import Setting
 
-BUILT = ("SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "GAIL")
-"""Learners that are classes of Stable-Baselines3."""
+BUILT = ("SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "GAIL")  # learners that are classes of Stable-Baselines3
 OWN_OPTIONS = {"BC": {"learning_rate", "updates", "batch_size", "net_arch"}, "CMA-ES": {"knots", "sigma", "population"},
                "GNN-CMA-ES": {"knots", "sigma", "population"}, "replay": set()}
 """Options of the other learners, all of which a preset must give."""
@@ -29,7 +28,6 @@ class Grains(gymnasium.Env):
 
 
 def widths(network) -> list[int]:
-    """Widths of a network's hidden layers."""
     return [layer.out_features for layer in network if isinstance(layer, torch.nn.Linear)]
 
 
@@ -78,9 +76,6 @@ def test_a_model_has_every_setting_of_its_preset(name):
     assert [layer.weight.shape[2] for layer in critic.layers] == [*hidden[1:], 1]
 
 
-SET_ENCODERS = ("pointnet", "deep_sets")
-
-
 @pytest.mark.parametrize("layer_norm", [False, True])
 def test_parts_are_embedded_apart(layer_norm):
     """In actor and critics; the targets begin as copies, and all layers learn."""
@@ -104,7 +99,7 @@ def test_encoders_need_a_learner_and_scaled_observations_that_fit():
             load_preset("dg_sac_literal", [Setting((key,), value) for key, value in change.items()])
 
 
-@pytest.mark.parametrize("encoder", SET_ENCODERS)
+@pytest.mark.parametrize("encoder", ["pointnet", "deep_sets"])
 def test_an_encoder_ignores_the_order_of_the_grains(encoder):
     """And nothing else: its features change with a grain's place and with the rest of the observation."""
     torch.manual_seed(0)
@@ -115,7 +110,6 @@ def test_an_encoder_ignores_the_order_of_the_grains(encoder):
     moved[:, :3] += 1.0
     later[:, 31] += 1.0
     features = network(observation)
-    assert features.shape == (2, network.features_dim)
-    assert torch.allclose(network(shuffled), features, atol=1e-6)
+    assert features.shape == (2, network.features_dim) and torch.allclose(network(shuffled), features, atol=1e-6)
     assert not torch.allclose(network(moved), features, atol=1e-3)
     assert not torch.allclose(network(later), features, atol=1e-3)

@@ -12,8 +12,7 @@ from robosim.studies.evaluation.policies import NetworkPolicy
 @pytest.mark.parametrize("kind", [SAC, TD3])
 def test_a_policy_file_acts_as_the_policy(tmp_path, kind):
     """To single precision, with observations scaled before the network and in the file's first layer."""
-    model = kind("MlpPolicy", gymnasium.make("Pendulum-v1"), seed=3, device="cpu",
-                 policy_kwargs={"net_arch": [32, 32]})
+    model = kind("MlpPolicy", gymnasium.make("Pendulum-v1"), seed=3, device="cpu", policy_kwargs={"net_arch": [32, 32]})
     rng = np.random.default_rng(0)
     offset, factor = rng.standard_normal(3), rng.uniform(0.5, 2.0, 3)
     assert export_policy(model.policy, tmp_path / "p.npz", (offset, factor))

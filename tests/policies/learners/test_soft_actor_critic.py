@@ -10,7 +10,7 @@ from stable_baselines3.common.torch_layers import FlattenExtractor
 
 from policies.learners.buffers import DemoReplayBuffer
 from policies.learners.critics import CriticEnsemble, EnsembleLayer, EnsembleNorm, EnsemblePolicy
-from policies.learners.soft_actor_critic import BestEpisode, EnsembleSAC
+from policies.learners.soft_actor_critic import BestEpisode, EnsembleSAC, step
 
 OBSERVED, ACTED, BATCH, STEPS = 7, 3, 16, 7
 
@@ -125,8 +125,6 @@ def test_an_update_of_the_actor_leaves_the_critics_gradients_alone():
     model.train(1, BATCH)
     grads = [parameter.grad.clone() for parameter in model.critic.parameters()]
     actions, log_prob = model.actor.action_log_prob(torch.randn(4, OBSERVED))
-    from policies.learners.soft_actor_critic import step
-
     step(model.actor.optimizer, (log_prob - model.critic(torch.randn(4, OBSERVED), actions).min(0)[0]).mean())
     for parameter, grad in zip(model.critic.parameters(), grads, strict=True):
         assert torch.equal(parameter.grad, grad)
@@ -173,10 +171,10 @@ def test_the_actor_waits_its_turn():
 def add_episode(buffer: DemoReplayBuffer, number: int, rewards: list[float]) -> None:
     """Add an episode in each environment; its observations and actions tell number, step and environment."""
     n = len(rewards)
-    for step in range(STEPS):
-        observations = np.array([[number, step, k] for k in range(n)], np.float32)
+    for decision in range(STEPS):
+        observations = np.array([[number, decision, k] for k in range(n)], np.float32)
         buffer.add(observations, observations, np.tanh(observations[:, :2] / 10.0), np.array(rewards) / STEPS,
-                   np.full(n, step == STEPS - 1), [{}] * n)
+                   np.full(n, decision == STEPS - 1), [{}] * n)
 
 
 def empty_buffer(n_envs: int = 1, size: int = 1000) -> DemoReplayBuffer:

@@ -27,8 +27,7 @@ def test_transitions_are_those_of_gymnasium(venv: SB3VecEnv) -> None:
     action = np.full((2, 3), 0.1, np.float32)
     expected = [venv.vector.reset(seed=[4, 5])] + [venv.vector.step(action) for _ in range(5)]
     venv.seed(4)
-    assert np.array_equal(venv.reset(), expected[0][0])
-    assert venv.reset_infos[1]["tcs"] == expected[0][1]["tcs"][1]
+    assert np.array_equal(venv.reset(), expected[0][0]) and venv.reset_infos[1]["tcs"] == expected[0][1]["tcs"][1]
     for k in range(1, 6):
         observations, rewards, dones, rows = venv.step(action)
         expected_observations, expected_rewards, terminated, truncated, infos = expected[k]
@@ -62,9 +61,7 @@ class Target(gymnasium.Env):
 
 def test_a_method_learns_in_it() -> None:
     """Each environment's action is rewarded by its own observation: mixed up, they teach nothing.
-
-    Without learning the mean reward is about -0.67 for random actions and -0.33 for a constant one.
-    """
+    Without learning the mean reward is about -0.67 for random actions and -0.33 for a constant one."""
     vector = gymnasium.vector.SyncVectorEnv([Target] * 4, autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

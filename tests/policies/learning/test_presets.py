@@ -17,7 +17,6 @@ def test_an_error_in_a_file_names_the_key(tmp_path):
 
 @pytest.mark.parametrize("method", ["ppo", "bc", "gail", "residual", "cmaes", "demo"])
 def test_settings_without_effect_are_refused(method):
-    """Fractions of batches without demonstrations."""
     wrong = {**load_preset(method).model_dump(), "demonstrations": {"size": 50, "fraction": 0.5, "updates": 1}}
     with pytest.raises(ValueError, match="accepted: with SAC"):
         Preset(**wrong)

@@ -22,10 +22,10 @@ from policies.runs.episodes import Episodes
 from policies.runs.training import Training
 from robosim.base.resources import config_names
 from robosim.episode.play import play
+from robosim.studies.evaluation.policies import make_policy, training_options
 
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
-EPISODES = {"cmaes": 10, "demo": 1}
-"""Episodes of a short run: a generation, the one demonstration; 3 of other methods."""
+EPISODES = {"cmaes": 10, "demo": 1}  # episodes of a short run: a generation, the one demonstration; 3 of other methods
 
 
 def test_a_run_is_the_method_itself(tmp_path):
@@ -73,17 +73,15 @@ def test_soft_actor_critic_learns_the_pendulum(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", [name for name in config_names("training")
-                                    if not load_preset(name).needs_rollouts])
+@pytest.mark.parametrize("method", [name for name in config_names("training") if not load_preset(name).needs_rollouts])
 def test_every_method_runs_on_grains(tmp_path, method):
     """A few episodes; the stored motion gives the return that was trained with, and is the method's own."""
     rng = np.random.default_rng(0)
     demonstration = rng.uniform(-0.3, 0.3, (50, 3)).astype(np.float32)
     np.savez(tmp_path / "demonstration_0.npz", actions=demonstration, action_repeat=20)
     preset, out, episodes = load_preset(method), tmp_path / "run", EPISODES.get(method, 3)
-    assert train(method, "SpoonTranslate", out,
-                 TrainingOptions(demos=tmp_path if preset.needs_demonstrations else None, action_repeat=20),
-                 episodes=episodes) == 0
+    options = TrainingOptions(demos=tmp_path if preset.needs_demonstrations else None, action_repeat=20)
+    assert train(method, "SpoonTranslate", out, options, episodes=episodes) == 0
     status = json.loads((out / "status.json").read_text())
     assert status["state"] == "finished" and status["episodes"] == episodes
     assert status["replayed"]["return"] == pytest.approx(status["best_return"], abs=1e-9)
@@ -102,8 +100,6 @@ def test_every_method_runs_on_grains(tmp_path, method):
 
 def check_policy_file(out: Path, best, is_deterministic: bool) -> None:
     """The file acts in an environment made with its options; a policy without noise makes the best motion again."""
-    from robosim.studies.evaluation.policies import make_policy, training_options
-
     options = training_options(str(out / "best_policy.npz"))
     env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", **options).unwrapped
     observation = env.reset(seed=int(best["start"]), options={"nominal": True})[0]

@@ -23,7 +23,6 @@ def write_run(folder: Path, seed: int, score: float, *, method: str = "dg_sac", 
               material: str = "salt", starts: str = "nominal", action_repeat: int = 10,
               demonstrations: dict[str, str] | None = None, n_envs: int = 1, code: dict[str, str] | None = None,
               commit: str = "c", command: str = "/home/x/bin/robosim train dg_sac", **changes) -> None:
-    """Write the two files of a finished run that tables are made of."""
     folder.mkdir(parents=True)
     preset = load_preset(method).model_copy(update=changes).model_dump()
     (folder / "manifest.json").write_text(json.dumps({
@@ -79,9 +78,7 @@ def test_runs_with_other_settings_are_another_line(tmp_path: Path, setting: dict
 
 def test_means_over_different_runs_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """A seed that counts twice, other settings of the method, other demonstrations, other code; nothing is written.
-
-    With --mixed they are noted; there is no note where nothing differs.
-    """
+    With --mixed they are noted; there is no note where nothing differs."""
     write_run(tmp_path / "a", 0, 10.0)
     write_run(tmp_path / "b", 1, 20.0)
     make_cells(tmp_path)
@@ -91,8 +88,7 @@ def test_means_over_different_runs_are_refused(tmp_path: Path, capsys: pytest.Ca
     refused = r"seed 1 more than once; .*2 different demonstrations.*--label.*--mixed"
     with pytest.raises(mpm.InvalidValue, match=refused):
         tables([tmp_path], tmp_path / "refused")
-    assert not (tmp_path / "refused").exists()
-    assert make_cells(tmp_path, True) == {"dg_sac": {"SpoonPour": (4, 22.5)}}
+    assert not (tmp_path / "refused").exists() and make_cells(tmp_path, True) == {"dg_sac": {"SpoonPour": (4, 22.5)}}
     notes = [line for line in capsys.readouterr().out.splitlines() if "different runs" in line]
     assert notes == [f"mean over different runs: dg_sac, SpoonPour: {text}" for text in (
         "seed 1 more than once", "2 different settings of the method", "2 different demonstrations",

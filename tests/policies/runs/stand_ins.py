@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import gymnasium
 import numpy as np
 
-DECISIONS = 20
-"""Steps of an episode."""
+DECISIONS = 20  # steps of an episode
 
 
 class PointEnv(gymnasium.Env):

@@ -17,8 +17,7 @@ from policies.runs.training import Training
 from robosim.config.settings import Setting
 from robosim.episode.play import play
 
-TASK, REPEAT = "SpoonTranslate", 200
-"""Five decisions an episode."""
+TASK, REPEAT = "SpoonTranslate", 200  # five decisions an episode
 OPTIONS = {"learning_rate": 1e-3, "batch_size": 8, "learning_starts": 0, "policy_kwargs": {"net_arch": [16]}}
 
 
@@ -39,7 +38,7 @@ def test_each_episode_is_that_of_one_environment(tmp_path, starts):
     episodes, and as many as were asked for, which three environments do not divide."""
     training = make_training(tmp_path, make_preset(episodes=4), 3, starts=starts)
     recorded = []
-    training.env.on_end = lambda episode: recorded.append(episode)
+    training.env.on_end = recorded.append
     training.learn()
     assert [episode.row["episode"] for episode in recorded] == [0, 1, 2, 3]
     env = make_environment(TASK, obs="moments", action_repeat=REPEAT)
@@ -69,8 +68,7 @@ def test_an_interrupted_run_of_a_batch_continues_to_the_same_bits(tmp_path, acto
     again = make_training(tmp_path / "interrupted", preset)
     again.learn()
     assert again.env.count == whole.env.count == 6
-    for one, other in zip(again.model.policy.parameters(), whole.model.policy.parameters(), strict=True):
-        assert torch.equal(one, other)
+    assert all(map(torch.equal, again.model.policy.parameters(), whole.model.policy.parameters()))
     assert again.model._n_updates == whole.model._n_updates == 28  # two for each pair of decisions, but the last
     times = ("seconds", "simulating", "updating")
     rows = [[{key: value for key, value in row.items() if key not in times} for row in one.folder.rows]
@@ -103,19 +101,15 @@ def test_a_checkpoint_within_episodes_continues_to_the_same_bits(tmp_path):
 def test_a_run_with_demonstrations_ends_with_its_times(tmp_path):
     """Four environments, demonstrations in half of each batch; the status says where the time went."""
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((5, 3)), action_repeat=np.array(REPEAT))
-
     settings = [Setting(("obs",), "moments"), Setting(("options",), OPTIONS)]
-    assert train("dg_sac", TASK, tmp_path / "run",
-                 TrainingOptions(demos=tmp_path, n_envs=4, action_repeat=REPEAT, evaluate_every=4),
-                 episodes=8, settings=settings) == 0
+    options = TrainingOptions(demos=tmp_path, n_envs=4, action_repeat=REPEAT, evaluate_every=4)
+    assert train("dg_sac", TASK, tmp_path / "run", options, episodes=8, settings=settings) == 0
     status = json.loads((tmp_path / "run" / "status.json").read_text())
     assert status["state"] == "finished" and status["episodes"] == 8
     parts = [status[f"{name}_s"] for name in ("simulating", "updating", "evaluating", "rest")]
     assert min(parts[:3]) > 0 and sum(parts) == pytest.approx(status["seconds"])
-    with (tmp_path / "run" / "episodes.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [int(row["episode"]) for row in rows] == list(range(8))
-    assert len({row["start"] for row in rows}) == 8
+    rows = list(csv.DictReader((tmp_path / "run" / "episodes.csv").read_text().splitlines()))
+    assert [int(row["episode"]) for row in rows] == list(range(8)) and len({row["start"] for row in rows}) == 8
     assert len((tmp_path / "run" / "evaluations.csv").read_text().splitlines()) == 3
     assert json.loads((tmp_path / "run" / "manifest.json").read_text())["n_envs"] == 4
 

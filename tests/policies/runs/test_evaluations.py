@@ -15,8 +15,7 @@ from policies.runs.training import Training
 from robosim.episode.play import run_episode
 
 pytestmark = pytest.mark.filterwarnings("ignore::mpm.GrainsLeaveGrid")  # of a policy that has learned nothing yet
-REPEAT = 100
-"""Steps of an action: ten decisions an episode."""
+REPEAT = 100  # steps of an action: ten decisions an episode
 OPTIONS = {"learning_rate": 1e-3, "batch_size": 16, "learning_starts": 5, "policy_kwargs": {"net_arch": [16, 16]}}
 
 
@@ -36,14 +35,12 @@ def test_a_run_is_the_same_however_often_its_policy_is_evaluated(tmp_path):
     keys = ("episode", "start", "return", "tcs", "decisions")
     assert [[row[key] for key in keys] for row in often.folder.rows] == [
         [row[key] for key in keys] for row in once.folder.rows]
-    for one, other in zip(often.model.policy.parameters(), once.model.policy.parameters(), strict=True):
-        assert torch.equal(one, other)
+    assert all(map(torch.equal, often.model.policy.parameters(), once.model.policy.parameters()))
     assert [row["episode"] for row in often.evaluations.rows] == [1, 2, 3, 4]
     assert [row["episode"] for row in once.evaluations.rows] == [4]
     last, again = (dict(training.evaluations.rows[-1], seconds=0) for training in (often, once))
     assert last == again and last["episodes"] == 5
-    with (tmp_path / "often" / "evaluations.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == 4
+    assert len(list(csv.DictReader((tmp_path / "often" / "evaluations.csv").read_text().splitlines()))) == 4
     best = max(often.evaluations.rows, key=lambda row: (row["tcs"], row["return"]))
     assert often.folder.read_json("status.json")["evaluated"]["best"] == best
     assert (tmp_path / "often" / "best_policy.npz").is_file()
@@ -54,11 +51,7 @@ def test_a_resumed_run_has_the_evaluations_of_a_whole_one(tmp_path):
     whole = run(tmp_path / "whole", evaluate_every=2, checkpoint_every=1, starts="nominal")
     part = run(tmp_path / "part", episodes=3, evaluate_every=2, checkpoint_every=1, starts="nominal")
     assert [row["episode"] for row in part.evaluations.rows] == [2, 3]
-    preset = load_preset("sac").model_copy(update={"episodes": 4, "options": OPTIONS, "obs": "none"})
-    again = Training("x", preset, "SpoonTranslate", tmp_path / "part",
-                     TrainingOptions(action_repeat=REPEAT, starts="nominal", evaluate_every=2,
-                                     checkpoint_every=1, force=True))
-    again.learn()
+    again = run(tmp_path / "part", evaluate_every=2, checkpoint_every=1, starts="nominal", force=True)
     assert [row["tcs"] for row in again.evaluations.rows if row["episode"] in (2, 4)] == [
         row["tcs"] for row in whole.evaluations.rows]
 
@@ -88,5 +81,4 @@ def test_a_saturated_policy_is_found_and_a_running_episode_goes_on(tmp_path):
         for k in range(PATIENCE):
             evaluations.add(Constant([-1.0, 1.0, 1.0]), 2 * PATIENCE + 2 + k)
     rewards += [float(env.step(action)[1]) for action in motion[1:]]
-    assert rewards == expected
-    assert issubclass(SaturatedActor, mpm.MpmError)
+    assert rewards == expected and issubclass(SaturatedActor, mpm.MpmError)

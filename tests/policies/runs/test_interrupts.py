@@ -15,6 +15,7 @@ from result_files import check_files, find_unfinished, read_events, read_rows, r
 from policies.demonstrations import demo, generator, request
 from policies.demonstrations.demo import demonstrate
 from policies.learning.options import SearchOptions
+from policies.runs.checkpoint import Checkpoints
 from robosim.commands.main import main
 from robosim.rendering.video import Mp4Writer
 
@@ -65,8 +66,7 @@ def test_training_continues_from_its_first_episodes(tmp_path: Path, point: str, 
     check_files(out)
 
 
-def test_training_that_has_no_checkpoint_says_so(tmp_path: Path, point: str, monkeypatch: pytest.MonkeyPatch,
-                                                 capsys: pytest.CaptureFixture[str]) -> None:
+def test_training_that_has_no_checkpoint_says_so(tmp_path, point: str, monkeypatch, capsys) -> None:
     """PPO checkpoints between its batches only; this is the first."""
     def step(self: stand_ins.PointEnv, action: np.ndarray) -> tuple:
         raise KeyboardInterrupt
@@ -77,10 +77,7 @@ def test_training_that_has_no_checkpoint_says_so(tmp_path: Path, point: str, mon
     assert read_status(tmp_path) == "interrupted" and not (tmp_path / "checkpoint.zip").exists()
 
 
-def test_a_checkpoint_is_written_as_often_as_is_asked(tmp_path: Path, point: str,
-                                                      monkeypatch: pytest.MonkeyPatch) -> None:
-    from policies.runs.checkpoint import Checkpoints
-
+def test_a_checkpoint_is_written_as_often_as_is_asked(tmp_path, point: str, monkeypatch) -> None:
     written, original = [], Checkpoints.write
 
     def write(self: Checkpoints) -> None:

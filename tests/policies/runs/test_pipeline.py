@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -17,11 +18,8 @@ from robosim.commands.main import parser
 from robosim.config.rehearsal import load_rehearsal
 
 
-class EndedProcess:
-    """A process that has ended with an exit status."""
-
-    def __init__(self, code: int) -> None:
-        self.wait = lambda: code
+def ended(code: int) -> Mock:
+    return Mock(wait=lambda: code)  # hashable, as processes are
 
 
 def options(out, *more: str):
@@ -46,7 +44,7 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
         if arguments[0] == "train" and arguments[2] in failing:
             stdout.write("no such grain\n")
             stdout.flush()
-            return EndedProcess(1)
+            return ended(1)
         if arguments[0] == "demo":
             pipeline.write_json(make_folder(tmp_path, "demonstrations", arguments[1]) / "demonstrations.json", {
                 "demonstrations": [{"among grains of salt": {"tcs": 3.0}, "in clay": {"tcs": 9.0}}]})
@@ -54,7 +52,7 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
             folder = make_folder(Path(arguments[arguments.index("--out") + 1]))
             np.savez(folder / "best.npz", actions=np.zeros((2, 3)))
             pipeline.write_json(folder / "status.json", {"replayed": {"tcs": 4.0}})
-        return EndedProcess(0)
+        return ended(0)
 
     monkeypatch.setattr(subprocess, "Popen", start)
     assert pipeline.Pipeline(options(tmp_path)).run() == 1
@@ -92,7 +90,7 @@ def test_settings_go_to_the_stages_of_the_rehearsal(tmp_path, monkeypatch):
         calls.append(arguments[3:])
         if calls[-1][0] == "train":
             np.savez(make_folder(Path(calls[-1][calls[-1].index("--out") + 1])) / "best.npz", actions=np.zeros((2, 3)))
-        return EndedProcess(0)
+        return ended(0)
 
     monkeypatch.setattr(subprocess, "Popen", start)
     changed = options(tmp_path, "--set", "learned=[SpoonPour]", "--set", "field.cell=4e-3")
@@ -111,7 +109,7 @@ def make_folder(out, *parts: str):
 
 def test_methods_without_demonstrations_make_none(tmp_path, monkeypatch):
     calls = []
-    monkeypatch.setattr(subprocess, "Popen", lambda words, **_: calls.append(words[3:]) or EndedProcess(1))
+    monkeypatch.setattr(subprocess, "Popen", lambda words, **_: calls.append(words[3:]) or ended(1))
     assert pipeline.Pipeline(options(tmp_path, "--method", "sac", "--jobs", "3")).run() == 1
     assert [words[0] for words in calls] == ["train"] * 3 and not any("--demos" in words for words in calls)
 
@@ -135,8 +133,7 @@ def test_ctrl_c_interrupts_the_running_stage_and_starts_no_other(tmp_path):
     finally:
         process.send_signal(signal.SIGINT)
         status = process.wait(100)
-    assert status == 130
-    assert "robosim demo: stopped by SIGTERM; finished iterations are kept" in log.read_text()
+    assert status == 130 and "robosim demo: stopped by SIGTERM; finished iterations are kept" in log.read_text()
     assert json.loads((out / "status.json").read_text())["state"] == "interrupted"
     stages = json.loads((out / "pipeline.json").read_text())["stages"]
     assert set(stages) == {"demonstrations of ShovelMove"} and stages[min(stages)]["state"] == "interrupted"

@@ -9,6 +9,8 @@ from policies.runs import checkpoint
 from policies.runs.episodes import Episode, Episodes
 from policies.runs.run_folder import RunFolder
 
+MANIFEST = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f", "n_envs": 1}
+
 
 def test_the_best_motion_outlasts_a_resume(tmp_path):
     """A worse episode after the resume does not replace it."""
@@ -16,13 +18,12 @@ def test_the_best_motion_outlasts_a_resume(tmp_path):
         return Episode({"episode": k, "return": total, "seconds": 1.0, "simulating": 0.5, "diverged": ""},
                        np.full((5, 1), total))
 
-    manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f", "n_envs": 1}
-    folder = RunFolder(tmp_path, manifest)
+    folder = RunFolder(tmp_path, MANIFEST)
     assert folder.add(row(0, 1.0), 10) and not folder.add(row(1, 0.5), 10)
     folder.checkpoint.write_bytes(checkpoint.pack(None, rows=folder.rows, best=folder.best_return))
     _, state = checkpoint.load(folder.checkpoint, None, None)
     folder.close()
-    later = RunFolder(tmp_path, manifest)
+    later = RunFolder(tmp_path, MANIFEST)
     later.rows, later.best_return = state["rows"], state["best"]
     assert not later.add(row(2, 0.7), 10)
     with np.load(tmp_path / "best.npz") as best:
@@ -31,14 +32,13 @@ def test_the_best_motion_outlasts_a_resume(tmp_path):
 
 def test_a_folder_of_another_run_is_refused(tmp_path):
     """With each entry in which it differs, unless forced."""
-    manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f", "n_envs": 1}
-    RunFolder(tmp_path / "a", manifest).close()
+    RunFolder(tmp_path / "a", MANIFEST).close()
     with pytest.raises(mpm.InvalidValue, match="seed 0, now 1"):
-        RunFolder(tmp_path / "a", {**manifest, "seed": 1})
-    RunFolder(tmp_path / "a", {**manifest, "seed": 1}, force=True).close()
+        RunFolder(tmp_path / "a", {**MANIFEST, "seed": 1})
+    RunFolder(tmp_path / "a", {**MANIFEST, "seed": 1}, force=True).close()
     with pytest.raises(mpm.InvalidValue, match=r"preset.options.gamma 0.9, now 0.8; give") as refused:
-        RunFolder(tmp_path / "b", {**manifest, "preset": {"options": {"gamma": 0.9, "tau": 0.1}}}).close()
-        RunFolder(tmp_path / "b", {**manifest, "preset": {"options": {"gamma": 0.8, "tau": 0.1}}})
+        RunFolder(tmp_path / "b", {**MANIFEST, "preset": {"options": {"gamma": 0.9, "tau": 0.1}}}).close()
+        RunFolder(tmp_path / "b", {**MANIFEST, "preset": {"options": {"gamma": 0.8, "tau": 0.1}}})
     assert "tau" not in str(refused.value)
 
 
@@ -68,8 +68,7 @@ def test_needed_decisions():
 
 def test_episodes_with_different_columns_share_a_table(tmp_path):
     """The rows of an earlier version, without a column that was added since."""
-    folder = RunFolder(tmp_path, {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f",
-                                  "n_envs": 1})
+    folder = RunFolder(tmp_path, MANIFEST)
     folder.rows = [{"episode": 0, "return": 1.0, "seconds": 1.0, "simulating": 0.5, "diverged": ""}]
     folder.add(Episode({**folder.rows[0], "episode": 1, "needed": 4}, np.zeros((5, 1))), 10)
     lines = (tmp_path / "episodes.csv").read_text().splitlines()

@@ -35,6 +35,13 @@ def test_inputs_of_a_method_are_passed_on(tmp_path):
         plan_runs(SweepFile(**settings, demos="demos"))
 
 
+def write_finished(folder: Path, arguments: str, **changes) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "status.json").write_text('{"state": "finished"}')
+    (folder / "manifest.json").write_text(json.dumps({"preset": {**load_preset("sac").model_dump(), **changes},
+                                                      "command": f"robosim {arguments}"}))
+
+
 def test_a_run_with_other_options_is_another(tmp_path):
     """A run that finished with other arguments, such as another material, is another run."""
     def state(*options: str) -> str:
@@ -44,14 +51,9 @@ def test_a_run_with_other_options_is_another(tmp_path):
     folder = tmp_path / "SpoonPour" / "sac" / "seed_0"
     arguments = f"train sac SpoonPour --seed 0 --out {folder}"
     assert state() == "new"
-    folder.mkdir(parents=True)
-    (folder / "status.json").write_text('{"state": "finished"}')
-    (folder / "manifest.json").write_text(json.dumps({"preset": load_preset("sac").model_dump(),
-                                                      "command": f"robosim {arguments}"}))
+    write_finished(folder, arguments)
     assert state() == "finished" and state("--material", "sugar") == "another"
-    preset = {**load_preset("sac").model_dump(), "obs": "moments"}
-    (folder / "manifest.json").write_text(json.dumps({"preset": preset,
-                                                      "command": f"robosim {arguments} --obs moments"}))
+    write_finished(folder, f"{arguments} --obs moments", obs="moments")
     assert state("--obs", "moments") == "finished" and state() == "another"
 
 
@@ -62,20 +64,14 @@ def test_unfinished_runs_are_given_to_a_launcher(tmp_path, capsys):
                     "launch: {partition: long, hours: 2}\n")
     runs = plan_runs(load_sweep(file))
 
-    def finish(run) -> None:
-        run.out.mkdir(parents=True, exist_ok=True)
-        (run.out / "status.json").write_text('{"state": "finished"}')
-        (run.out / "manifest.json").write_text(json.dumps({
-            "preset": load_preset("sac").model_dump(), "command": "robosim " + " ".join(run.arguments)}))
-
     def launch(commands, folder):
         given.update(commands=commands, folder=folder)
-        finish(runs[0])
+        write_finished(runs[0].out, " ".join(runs[0].arguments))
         yield SimpleNamespace(index=0, reason="")
         yield SimpleNamespace(index=2, reason="")
         yield SimpleNamespace(index=1, reason="exit status 2 | no such demonstration")
 
-    finish(runs[1])
+    write_finished(runs[1].out, " ".join(runs[1].arguments))
     launcher = SimpleNamespace(configure=lambda table: given.update(table=table), run=launch)
     assert sweep(file, launcher=launcher) == 1
     assert given["table"] == {"partition": "long", "hours": 2} and given["folder"] == tmp_path / "runs" / "launch"

@@ -30,9 +30,7 @@ def make_preset(**changes) -> Preset:
     ("PPO", 1.0, None)])
 def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay, actor):
     """Interrupted after three of four episodes, with a checkpoint after two; continued with other random states.
-
-    A learning rate that falls is at the same place of its fall, and an actor imitates the same episode.
-    """
+    A learning rate that falls is at the same place of its fall, and an actor imitates the same episode."""
     options = SMALL if learner == "SAC" else {"n_steps": 200, "batch_size": 50, "learning_rate": 1e-3}
     preset = make_preset(learner=learner, options=options, decay=decay, actor=actor)
     whole, interrupted = (Training("x", preset, "Pendulum-v1", tmp_path / name, TrainingOptions(
@@ -54,8 +52,7 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
     again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", TrainingOptions(seed=1, checkpoint_every=2))
     again.learn()
     assert again.env.count == whole.env.count == 4
-    for one, other in zip(again.model.policy.parameters(), whole.model.policy.parameters(), strict=True):
-        assert torch.equal(one, other)
+    assert all(map(torch.equal, again.model.policy.parameters(), whole.model.policy.parameters()))
     keys = ("episode", "return", "decisions")
     assert [[row[key] for key in keys] for row in again.folder.rows] == [
         [row[key] for key in keys] for row in whole.folder.rows]
@@ -122,8 +119,7 @@ def test_a_killed_command_continues(tmp_path):
             time.sleep(0.02)
         return process.wait()
 
-    assert run(tmp_path / "whole", False) == 0
-    assert run(tmp_path / "killed", True) != 0
+    assert run(tmp_path / "whole", False) == 0 and run(tmp_path / "killed", True) != 0
     assert run(tmp_path / "killed", False) == 0
     tables = [(tmp_path / name / "episodes.csv").read_text().splitlines() for name in ("whole", "killed")]
     columns = [[line.split(",")[:3] for line in lines] for lines in tables]  # returns, too

@@ -32,8 +32,7 @@ def test_settings_are_compared_with_the_finest() -> None:
     assert [row["speedup"] for row in rows] == [2.5, 1.0, 10.0]
 
 
-def test_a_softer_material_counts_although_a_scene_file_cannot_hold_it(
-        tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_softer_material_counts_although_a_scene_file_cannot_hold_it(tmp_path, capsys, monkeypatch) -> None:
     """The file that is written keeps the scene's own setting, and the exit status is that a cheaper one exists."""
     monkeypatch.setattr("robosim.studies.benchmarks.explain.run_settings",
                         lambda *arguments: [result({}, 8.0, mass=2.0), result({"E": 0.25}, 4.0, mass=2.0)])
@@ -67,8 +66,7 @@ def test_parts_and_costs_are_named(tmp_path: Path, capsys: pytest.CaptureFixture
     assert sum(own["costs"].values()) == pytest.approx(own["seconds"] / own["simulated_s"], rel=1e-6)
 
 
-BAR = 1.2
-"""Ratio of a randomized reset to a nominal one that is wanted."""
+BAR = 1.2  # ratio of a randomized reset to a nominal one that is wanted
 BOUNDS = {"alone": 1.2 * 1.16, "arm": 1.2 * 1.27, "vector": 1.2 * 1.34}
 """A fifth above what was measured, so that a regression by a quarter fails."""
 
@@ -78,6 +76,5 @@ BOUNDS = {"alone": 1.2 * 1.16, "arm": 1.2 * 1.27, "vector": 1.2 * 1.34}
 def test_a_randomized_reset_compiles_nothing_and_costs_little_more(kind: str) -> None:
     """Six episodes, six times each, after one that settles their starts; `robosim bench` gives the figures."""
     milliseconds, ratio, compiled = measure_resets("SpoonPour", kind, turns=6).values()
-    assert compiled == 0
-    assert 0.0 < milliseconds < 100.0
+    assert compiled == 0 and 0.0 < milliseconds < 100.0
     assert ratio < BOUNDS[kind], f"{kind}: {ratio:.2f}; wanted: at most {BAR}"

@@ -11,17 +11,14 @@ from robosim.studies.calibration.flows import simulate_heap
 from robosim.studies.calibration.measurements import HeapExperiment
 from robosim.studies.columns import rim
 
-SEED = 424_242
-"""Of the heaps' particles and of the noise."""
+SEED = 424_242  # of the heaps' particles and of the noise
 
 
 def write_heaps(folder: Path, *, material: str, numbers: dict[str, float], sought: dict[str, list[float]],
                 heights: dict[str, float], held_out: tuple[str, ...] = (), radius: float = 0.04, noise: float = 0.002,
                 cells: int = 8, pixel: float = 0.002, seed: int = SEED, **more: Any) -> Path:
     """Write height maps [mm] of columns and a file of measurements that names them; return its path.
-
-    heights: of the columns [m] by name. cells: of the grid that the heaps come from. more: keys of every heap.
-    """
+    heights: of the columns [m] by name. cells: of the grid that the heaps come from. more: keys of every heap."""
     card = overridden(load_material(material), numbers)
     rng, experiments = np.random.default_rng(seed), {}
     for k, (name, height) in enumerate(heights.items()):

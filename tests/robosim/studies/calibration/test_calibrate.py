@@ -71,10 +71,9 @@ def test_data_that_cannot_tell_a_number_end_with_status_1(tmp_path: Path, capsys
     table = direct_table()
     table["experiments"] = {"cell": {"kind": "shear", "normal_stress": [20.0], "shear_stress": [25.0], "noise": 20.0},
                             "cup": table["experiments"]["cup"]}
-    assert run(tmp_path, table) == 1
-    assert not (tmp_path / "out" / "material.yaml").exists()
+    assert run(tmp_path, table) == 1 and not (tmp_path / "out" / "material.yaml").exists()
     card = load_material(str(tmp_path / "out" / "material_NOT_CALIBRATED.yaml"))
-    assert card.friction_angle.source.startswith("NOT CALIBRATED, the data cannot tell it")  # type: ignore[attr-defined]
+    assert card.friction_angle.source.startswith("NOT CALIBRATED, the data cannot tell it")
     error, best = capsys.readouterr().err, figures(tmp_path)["advice"][0]["measurement"]
     assert "data cannot tell friction_angle_deg: its 90% interval" in error and "narrow the numbers most" in error
     assert "shear cell" in best or "tilted tray" in best
@@ -86,7 +85,8 @@ def test_a_material_that_no_numbers_explain_is_refused(tmp_path: Path, capsys: p
     assert run(tmp_path, table) == 1
     found = figures(tmp_path)
     assert found["probability"] < 1e-6 and found["fitted"][0]["rms"] > 50.0
-    assert "not calibrated: no numbers within the ranges explain the data" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "not calibrated: no numbers within the ranges explain the data" in error and "cell differs most, by" in error
 
 
 def write_quick_heaps(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, list[int]]:
@@ -96,7 +96,7 @@ def write_quick_heaps(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Pa
     def simulate(one: HeapExperiment, card: MaterialConfig, friction: float, distances: np.ndarray, seed: int = 0
                  ) -> np.ndarray:
         seeds.append(seed)
-        phi, cohesion = card.friction_angle.value, card.cohesion.value  # type: ignore[attr-defined]
+        phi, cohesion = card.friction_angle.value, card.cohesion.value
         slope = 0.4 * np.tan(np.radians(phi)) + 2 * cohesion / (850 * 9.81 * one.height)
         peak = (3 * one.radius**2 * one.height * slope**2) ** (1 / 3)
         return np.maximum(peak - slope * distances, 0.0)
@@ -110,8 +110,7 @@ def write_quick_heaps(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Pa
     return path, seeds
 
 
-def test_heaps_are_calibrated_and_finished_runs_are_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                                 capsys: pytest.CaptureFixture[str]) -> None:
+def test_heaps_are_calibrated_and_finished_runs_are_not_repeated(tmp_path, monkeypatch, capsys) -> None:
     path, seeds = write_quick_heaps(tmp_path, monkeypatch)
     command = ["calibrate", str(path), "--runs", "20", "--out", str(tmp_path / "out")]
     assert main(command) == 0, capsys.readouterr().err
@@ -136,8 +135,7 @@ def test_an_interrupted_search_continues_to_the_same_result(tmp_path: Path, monk
         return simulate(*arguments)
 
     monkeypatch.setattr(experiment, "simulate_heap", fail)
-    assert main(command) == 130
-    assert json.loads((tmp_path / "out" / "status.json").read_text())["state"] == "interrupted"
+    assert main(command) == 130 and json.loads((tmp_path / "out" / "status.json").read_text())["state"] == "interrupted"
     assert not (tmp_path / "out" / "index.html").exists()
     assert len(list((tmp_path / "out" / "rows").glob("*.json"))) == 17
     monkeypatch.setattr(experiment, "simulate_heap", simulate)
@@ -218,8 +216,7 @@ def test_a_heaped_scoop_tells_no_more_than_the_error_of_its_closed_form(count: i
         run(tmp_path, table)
         found = figures(tmp_path)["numbers"]["density"]
         widths.append((found["high"] - found["low"]) / (2 * 1.645 * found["best"]) * 0.105)
-    assert widths[0] == pytest.approx(np.hypot(0.004, 1e-4 / np.sqrt(count)), rel=0.15)
-    assert widths[1] > 10 * widths[2]
+    assert widths[0] == pytest.approx(np.hypot(0.004, 1e-4 / np.sqrt(count)), rel=0.15) and widths[1] > 10 * widths[2]
 
 
 def test_wall_friction_is_sought_and_stands_in_the_card(tmp_path: Path) -> None:
@@ -228,19 +225,16 @@ def test_wall_friction_is_sought_and_stands_in_the_card(tmp_path: Path) -> None:
                                       "angles": [21.5, 22.4, 21.9]}}
     assert run(tmp_path, table) == 0
     card = load_material(str(tmp_path / "out" / "material.yaml"))
-    assert card.wall_friction.value == pytest.approx(np.tan(np.radians(21.93)), abs=0.01)  # type: ignore[attr-defined]
+    assert card.wall_friction.value == pytest.approx(np.tan(np.radians(21.93)), abs=0.01)
     assert card.make_law() == load_material("sugar").make_law()
 
 
-def test_what_was_not_checked_is_said_on_stdout_in_the_card_and_in_the_figures(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_not_checked_is_said_on_stdout_in_the_card_and_in_the_figures(tmp_path, capsys) -> None:
     table = direct_table()
-    assert run(tmp_path, table) == 0
-    assert "not checked" not in capsys.readouterr().out
+    assert run(tmp_path, table) == 0 and "not checked" not in capsys.readouterr().out
     assert (figures(tmp_path)["is_checked"], figures(tmp_path)["cautions"]) == (True, [])
     del table["experiments"]["tray"]
-    assert run(tmp_path, table) == 0
-    assert "not checked on a held-out experiment" in capsys.readouterr().out
+    assert run(tmp_path, table) == 0 and "not checked on a held-out experiment" in capsys.readouterr().out
     card = load_material(str(tmp_path / "out" / "material.yaml"))
     assert card.density.source.startswith("calibrated, not checked on a held-out experiment; 90 % interval")
     assert figures(tmp_path)["is_checked"] is False

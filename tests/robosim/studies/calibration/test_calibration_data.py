@@ -17,10 +17,8 @@ from robosim.studies.calibration.experiment import Trial
 from robosim.studies.calibration.measurements import HeapExperiment, PourExperiment, load_measurements
 from robosim.studies.calibration.verdict import residual
 
-PIXEL, RADIUS, HEIGHT, BASE = 0.002, 0.04, 0.05, 0.1
-"""BASE: radius of the cone into which the column is poured [m]."""
-PEAK = 3 * RADIUS**2 * HEIGHT / BASE**2
-"""Its height, of the same volume [m]."""
+PIXEL, RADIUS, HEIGHT, BASE = 0.002, 0.04, 0.05, 0.1  # BASE: radius of the cone into which the column is poured [m]
+PEAK = 3 * RADIUS**2 * HEIGHT / BASE**2  # its height, of the same volume [m]
 
 
 def cone_map(shift: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
@@ -48,8 +46,7 @@ def test_a_map_becomes_rings_about_the_heap_s_centroid(tmp_path: Path) -> None:
     """Of a cone every ring has the height at its mean distance; its place in the map does not matter."""
     rings = rings_of(make_heap(save_map(tmp_path, cone_map((7.0, -4.0)))))
     inner = rings.radii < 0.9 * BASE
-    assert inner.sum() >= 6
-    assert rings.heights[inner] == pytest.approx(PEAK * (1 - rings.radii[inner] / BASE), abs=2e-4)
+    assert inner.sum() >= 6 and rings.heights[inner] == pytest.approx(PEAK * (1 - rings.radii[inner] / BASE), abs=2e-4)
     assert rings.mean(rings.distances) == pytest.approx(rings.radii)
 
 
@@ -69,8 +66,7 @@ def test_an_empty_margin_of_a_map_does_not_change_the_verdict(tmp_path: Path) ->
         misfit = np.where(rings.radii < BASE, 0.002 * (-1.0) ** np.arange(len(rings.radii)), 0.0)
         probabilities.append(residual(trial, rings.heights + misfit).probability)
         assert len(rings.radii) <= np.ceil(BASE / (RADIUS / RINGS)) + MARGIN
-    assert probabilities[1] == pytest.approx(probabilities[0], rel=1e-6)
-    assert probabilities[0] < 0.01
+    assert probabilities[1] == pytest.approx(probabilities[0], rel=1e-6) and probabilities[0] < 0.01
 
 
 def test_a_picture_has_the_heights_of_the_map(tmp_path: Path) -> None:
@@ -95,8 +91,7 @@ def test_holes_are_tolerated_up_to_a_share_and_change_little(tmp_path: Path) -> 
     whole, holed = cone_map(), cone_map()
     holed[rng.random(holed.shape) < 0.9 * MAX_HOLES] = np.nan
     whole, holed = (rings_of(make_heap(save_map(tmp_path, heights))) for heights in (whole, holed))
-    assert holed.heights == pytest.approx(whole.heights, abs=1e-3)
-    assert holed.counts.sum() < 0.9 * whole.counts.sum()
+    assert holed.heights == pytest.approx(whole.heights, abs=1e-3) and holed.counts.sum() < 0.9 * whole.counts.sum()
 
 
 BAD_MAPS: dict[str, tuple[np.ndarray, dict[str, Any], str]] = {
@@ -112,9 +107,8 @@ BAD_MAPS: dict[str, tuple[np.ndarray, dict[str, Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("what", BAD_MAPS)
-def test_a_map_that_cannot_be_used_is_refused(what: str, tmp_path: Path) -> None:
-    heights, more, message = BAD_MAPS[what]
+@pytest.mark.parametrize(("heights", "more", "message"), BAD_MAPS.values(), ids=BAD_MAPS)
+def test_a_map_that_cannot_be_used_is_refused(heights: np.ndarray, more: dict, message: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=f"experiments.lab: .*{message}"):
         rings_of(make_heap(save_map(tmp_path, heights), **more))
 
@@ -188,9 +182,8 @@ BAD_FILES: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("what", BAD_FILES)
-def test_a_file_of_measurements_that_cannot_be_used_is_refused(what: str, tmp_path: Path) -> None:
-    change, message = BAD_FILES[what]
+@pytest.mark.parametrize(("change", "message"), BAD_FILES.values(), ids=BAD_FILES)
+def test_a_file_of_measurements_that_cannot_be_used_is_refused(change: dict, message: str, tmp_path: Path) -> None:
     table = {"description": "salt", "material": "salt", "sought": {"density": [1000, 1400]},
              "experiments": {"lab": CUP}, **change}
     path = tmp_path / "lab.yaml"

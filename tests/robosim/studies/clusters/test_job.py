@@ -32,7 +32,6 @@ time.sleep(60)
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder with programs in it, in which jobs run."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     (tmp_path / "fails.py").write_text("import sys; print('one'); print('two'); sys.exit('three')")
@@ -67,7 +66,7 @@ def test_a_warned_job_lets_its_command_write_a_checkpoint(folder: Path, monkeypa
     def warn() -> None:
         while not (folder / "begun").exists():
             time.sleep(0.05)
-        job._process.send_signal(signal.SIGUSR2)  # type: ignore[union-attr]
+        job._process.send_signal(signal.SIGUSR2)
         time.sleep(0.3)
         os.kill(os.getpid(), signal.SIGUSR2)
 

@@ -27,8 +27,7 @@ options: [--checkpoint-every, "2"]
 out: {out}
 launch: {{partition: cpu, hours: {hours}, memory_gb: 1.5, warning_s: 25}}
 """
-TIMES = ("seconds", "simulating", "updating")
-"""Columns that differ from run to run."""
+TIMES = ("seconds", "simulating", "updating")  # columns that differ from run to run
 
 
 @pytest.fixture
@@ -111,7 +110,6 @@ def test_a_report_on_slurm_is_the_one_made_here(cluster: SlurmCluster, tmp_path:
 def test_a_partition_that_is_not_there_is_refused(cluster: SlurmCluster, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SLURM_CONF", cluster.environment["SLURM_CONF"])
     launcher = make_launcher("slurm")
-    assert launcher is not None
     with pytest.raises(ConfigError, match=r"launch.partition: 'gpu'; accepted here: cpu"):
         launcher.configure({"partition": "gpu"})
 

@@ -28,9 +28,7 @@ def test_strains_rotate_with_the_tool():
 
 def test_the_next_sub_task_begins_with_the_grains_that_are_left():
     """The same grains at the same positions in the tool under the same stress, and they stay at rest.
-
-    A sub-task with another tool, or one that begins with an empty tool, is refused.
-    """
+    A sub-task with another tool, or one that begins with an empty tool, is refused."""
     first = gymnasium.make("robosim/SpoonTranslate-v0", material="sugar").unwrapped
     first.reset(seed=3)
     still = np.zeros(3, np.float32)
@@ -52,8 +50,7 @@ def test_the_next_sub_task_begins_with_the_grains_that_are_left():
     assert second.solver.state()["e"] == pytest.approx(strains, abs=1e-6) and np.abs(strains).max() > 1e-5
     for _ in range(3):
         _, _, _, _, info = second.step(np.zeros(6, np.float32))
-    assert info["readings"]["retained"] == 1.0
-    assert np.linalg.norm(second.solver.velocities(), axis=1).max() < 0.1
+    assert info["readings"]["retained"] == 1.0 and np.linalg.norm(second.solver.velocities(), axis=1).max() < 0.1
     for task in ("ScoopPour", "SpoonScoop"):
         with pytest.raises(ConfigError, match="accepted: a sub-task that begins with a full spoon, as SpoonTranslate"):
             handover.task_with_load(task, load_task(task), load)

@@ -30,7 +30,6 @@ def stub(task: Any = SPOON, terms: tuple[str, ...] = TERMS) -> Any:
 
 
 def observe(carrier: Carrier, shown: float = 0.0, time: float = 0.0) -> dict[str, np.ndarray]:
-    """Return an observation of a tool at its commanded pose."""
     pose = carrier.commanded
     return {"tool": np.concatenate(pose), "goal": np.array(SPOON.goal) - pose.position, "time": np.array([time]),
             "scale": np.array([shown]), "target": np.array([5e-3])}
@@ -101,7 +100,6 @@ def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
                                                       ({"tolerance_percent": 0.0, "tolerance_g": 0.1}, 0.1e-3)])
 def test_a_controller_is_given_the_tolerances_of_the_task(tolerances: dict[str, float], accepted: float,
                                                           monkeypatch: pytest.MonkeyPatch) -> None:
-    assert SPOON.dose is not None
     env = stub(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update=tolerances)}))
     env.observation = observe(Carrier(SPOON))
     policy, given = DosingPolicy("pi", env), []
@@ -121,7 +119,6 @@ def test_what_a_policy_refuses() -> None:
         numbers_of(pour, "policy 'pi'")
     with pytest.raises(ConfigError, match="scale, target missing; accepted for dosing controllers"):
         DosingPolicy("pi", stub(terms=("tool", "goal", "time")))
-    assert SPOON.dose is not None
     without = SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update={"controllers": None})})
     with pytest.raises(ConfigError, match=r"dose.controllers is missing; accepted: .*DoseSpoon"):
         DosingPolicy("pi", stub(without))
@@ -135,7 +132,6 @@ def test_what_a_policy_refuses() -> None:
 def test_a_task_without_a_receiver_is_refused_with_what_is_accepted() -> None:
     """ScoopTo's mass is in the tool: no balance shows it; neither a controller nor a pour curve reads another one."""
     task = load_task("ScoopTo")
-    assert task.dose is not None
     named = task.model_copy(update={"dose": task.dose.model_copy(update={"controllers": "DoseSpoon"})})
     for one in (task, named):
         with pytest.raises(ConfigError, match="no empty container, .*; accepted: dosing tasks that pour into a rec"):
@@ -146,7 +142,6 @@ def test_a_task_without_a_receiver_is_refused_with_what_is_accepted() -> None:
 
 
 def test_numbers_of_another_tool_or_a_longer_dose_are_refused() -> None:
-    assert SPOON.dose is not None
     scoop = DosingNumbers.model_validate(NUMBERS.model_dump() | {"tool": "scoop"})
     long = DosingNumbers.model_validate(NUMBERS.model_dump() | {"motion": {"duration": 20.1}})
     for wrong, message in ((scoop, "for the tool 'scoop'; the tool is 'spoon'"),

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from study_stand_in import StandIn
 
+from mpm.materials.stable_step import accepted_bound
 from robosim.base.errors import UnknownName
 from robosim.base.resources import folder, trained
 from robosim.config.materials import load_material, overridden
@@ -18,15 +19,12 @@ from robosim.studies.evaluation.tables import format_table, make_rows
 from robosim.tasks.task import TaskConfig, load_task
 
 BUNDLED = [name for name in TASKS if trained(name)]
-GRAINS = 0.015
-"""Share of the counted grains by whose fate a score may differ from machine to machine."""
+GRAINS = 0.015  # share of the counted grains by whose fate a score may differ from machine to machine
 
 
 def recorded(name: str) -> dict:
     """The row of a motion in its own material, as `robosim materials` wrote it."""
-    path = trained(name)
-    assert path is not None
-    rows = json.loads(path.with_name("materials.json").read_text())["rows"]
+    rows = json.loads(trained(name).with_name("materials.json").read_text())["rows"]
     return next(row for row in rows if row["task"] == name and row["material"] == load_task(name).material)
 
 
@@ -60,8 +58,6 @@ def test_a_motion_earns_its_recorded_score(name: str) -> None:
 
 
 def test_the_time_step_suits_all_thirteen_materials():
-    from mpm.materials.stable_step import accepted_bound
-
     laws = [overridden(load_material(base), numbers).make_law() for base, numbers in MATERIALS.values()]
     assert len(laws) == len({repr(law) for law in laws}) == 13
     for task in map(load_task, TASKS):

@@ -47,8 +47,7 @@ def test_a_turned_start_turns_the_load_with_the_tool() -> None:
     cosine = float(np.trace(pose.matrix @ before.matrix.T) - 1.0) / 2.0
     assert np.degrees(np.arccos(cosine)) == pytest.approx(turn, abs=1e-4)
     assert np.abs(pose.inverse().apply(env.solver.positions()) - local).max() < 1e-6
-    assert env.solver.energy().elastic == pytest.approx(energy.elastic, rel=1e-4)
-    assert rest(env, local) < creep + 1e-4
+    assert env.solver.energy().elastic == pytest.approx(energy.elastic, rel=1e-4) and rest(env, local) < creep + 1e-4
     env.close()
 
 
@@ -62,9 +61,7 @@ def rest(env: GrainEnv, local: np.ndarray) -> float:
 @pytest.mark.parametrize("task", ["SpoonPour", "SpoonScoop"])
 def test_a_displaced_place_displaces_the_task(task: str) -> None:
     """By whole cells: the grains in the container or the tool move along, and the reward is what it is at home.
-
-    With the place alone, what is carried is farther from the target, what is scooped is out of the tool's reach.
-    """
+    With the place alone, what is carried is farther from the target, what is scooped is out of the tool's reach."""
     config, cells = load_task(task), (2, -1)
     place = (cells[0] * config.field.cell, cells[1] * config.field.cell)
     free = config.action.model_copy(update={"lower": (-9.0, -9.0, -9.0), "upper": (9.0, 9.0, 9.0)})
@@ -119,8 +116,7 @@ def test_a_bundled_network_is_a_policy_where_there_is_one(monkeypatch: pytest.Mo
 
 def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     assert evaluate_suite("SpoonTranslate", "scripted", "wide", tmp_path, episodes=2) == 0
-    with (tmp_path / "evaluation.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = list(csv.DictReader((tmp_path / "evaluation.csv").read_text().splitlines()))
     names = list(dict.fromkeys(row["policy"] for row in rows))
     assert names == ["scripted", "learned", "zero"] and (tmp_path / "evaluation.png").is_file()
     starts = [[(row["seed"], row["tool_x"], row["place_yaw_deg"]) for row in rows if row["policy"] == name]
@@ -133,13 +129,11 @@ def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: py
     assert "scripted" in capsys.readouterr().out
 
 
-def test_a_policy_alone_has_the_figures_that_it_has_beside_others(tmp_path: Path,
-                                                                   capsys: pytest.CaptureFixture) -> None:
+def test_a_policy_alone_has_the_figures_that_it_has_beside_others(tmp_path, capsys) -> None:
     rows = {}
     for alone in (False, True):
         assert evaluate_suite("SpoonTranslate", "zero", "nominal", tmp_path, episodes=1, alone=alone) == 0
-        with (tmp_path / "evaluation.csv").open() as file:
-            rows[alone] = list(csv.DictReader(file))
+        rows[alone] = list(csv.DictReader((tmp_path / "evaluation.csv").read_text().splitlines()))
     assert rows[True] == rows[False][:1] and {row["policy"] for row in rows[False]} > {"zero"}
     assert "scripted" not in capsys.readouterr().out.splitlines()[-1]
 
@@ -188,8 +182,7 @@ def test_a_suite_has_error_spread_time_and_spilled_mass() -> None:
 
 
 def test_controllers_are_compared_with_each_other_where_a_task_has_their_numbers() -> None:
-    assert compared(load_task("DoseSpoon")) == CONTROLLERS
-    assert compared(load_task("SpoonPour")) == COMPARED
+    assert compared(load_task("DoseSpoon")) == CONTROLLERS and compared(load_task("SpoonPour")) == COMPARED
 
 
 def test_an_evaluation_has_the_spread_of_the_error() -> None:

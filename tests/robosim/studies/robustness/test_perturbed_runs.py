@@ -39,16 +39,14 @@ def runs(missed: dict[int, tuple[str, float]], crashed: tuple[int, ...] = ()) ->
 def test_the_verdict_tells_exact_runs_from_those_with_errors(
         missed: dict[int, tuple[str, float]], status: int, said: str, tmp_path: Path,
         capsys: pytest.CaptureFixture[str]) -> None:
-    assert perturb("spoon", tmp_path, 3, launcher=runs(missed)) == status
-    assert said in capsys.readouterr().out
+    assert perturb("spoon", tmp_path, 3, launcher=runs(missed)) == status and said in capsys.readouterr().out
     page = (tmp_path / "index.html").read_text()
     assert said in page and "0.33" in page  # the worst torque
 
 
 def test_the_worst_is_the_largest_or_where_there_is_no_upper_bound_the_smallest() -> None:
-    rows = {0: {"delivered_fraction": 0.95, "spilled_fraction": 0.0}, 1: {"delivered_fraction": 0.91,
-                                                                          "spilled_fraction": 0.02},
-            2: {"delivered_fraction": 1.0, "spilled_fraction": 0.01}}
+    rows = {seed: {"delivered_fraction": delivered, "spilled_fraction": spilled}
+            for seed, (delivered, spilled) in enumerate([(0.95, 0.0), (0.91, 0.02), (1.0, 0.01)])}
     bounds = get_bounds(load_rehearsal("spoon"))
     assert perturbed_runs.find_worst(rows, "delivered_fraction", bounds["delivered_fraction"]) == (0.91, 1)
     assert perturbed_runs.find_worst(rows, "spilled_fraction", bounds["spilled_fraction"]) == (0.02, 1)

@@ -82,20 +82,15 @@ def test_later_choices_come_closer_to_the_best() -> None:
     assert away[-GENERATION:].mean() < 0.4 * away[1:1 + GENERATION].mean()
 
 
-def test_the_cost_of_an_episode() -> None:
-    """In accepted errors: 0.3 g of 10 g are one."""
-    assert episode_cost(ROW, 20.0) == pytest.approx(1.0 + 0.25)
-    assert episode_cost(ROW | {"dose_error": -0.6e-3, "spilled": 0.3e-3}, 20.0) == pytest.approx(3.25)
-    assert episode_cost(ROW | {"dose_error": 5e-3}, 20.0) == pytest.approx(WORST + 0.25)
+@pytest.mark.parametrize(("changed", "cost"), [
+    ({}, 1.0), ({"dose_error": -0.6e-3, "spilled": 0.3e-3}, 3.0), ({"dose_error": 5e-3}, WORST),
+    ({"accepted_error": 0.6e-3}, 0.5), ({"accepted_error": 0.0, "dose_error": 0.0}, 0.0),
+    ({"accepted_error": 0.0, "dose_error": 1e-6}, WORST)])
+def test_the_cost_of_an_episode(changed: dict[str, float], cost: float) -> None:
+    """In accepted errors, 0.3 g of 10 g are one, and for its time; one that diverged costs most."""
+    assert episode_cost(ROW | changed, 20.0) == pytest.approx(cost + 0.25)
     worst = ROW | {"dose_error": 1.0, "spilled": 1.0, "seconds": 20.0}
-    assert episode_cost(ROW | {"diverged": "it did"}, 20.0) >= episode_cost(worst, 20.0)
-
-
-def test_an_error_costs_less_where_more_is_accepted() -> None:
-    assert episode_cost(ROW | {"accepted_error": 0.6e-3}, 20.0) == pytest.approx(0.5 + 0.25)
-    exact = ROW | {"accepted_error": 0.0, "dose_error": 0.0}
-    assert episode_cost(exact, 20.0) == pytest.approx(0.25)
-    assert episode_cost(exact | {"dose_error": 1e-6}, 20.0) == pytest.approx(WORST + 0.25)
+    assert episode_cost(ROW | changed | {"diverged": "it did"}, 20.0) >= episode_cost(worst, 20.0)
 
 
 def test_figures_of_episodes() -> None:

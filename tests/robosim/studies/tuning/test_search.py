@@ -39,8 +39,7 @@ class Processes(StandIn):
     @staticmethod
     def _episode(numbers: DosingNumbers, controller: str, seed: int) -> dict[str, Any]:
         target = (5e-3, 20e-3, 45e-3)[seed % 3]
-        dose = Dose(make_controller(controller, numbers, Plant.dt), Plant(shifted(SALT, 0.0), seed),
-                    target)
+        dose = Dose(make_controller(controller, numbers, Plant.dt), Plant(shifted(SALT, 0.0), seed), target)
         return {"seed": seed, "is_success": abs(dose.error) < 0.3e-3, "diverged": "", "target_mass": target,
                 "accepted_error": accepted_error(target), "poured": target + dose.error, "dose_error": dose.error,
                 "overshoot": max(dose.error, 0.0), "seconds": dose.seconds, "spilled": 0.0}
@@ -134,7 +133,6 @@ class Environment:
 
 
 def run(path: Path) -> list[dict[str, Any]]:
-    """Run four episodes from seed 7 on."""
     searched = {"task": "Mine", "controller": "pi", "material": "salt", "randomize": "nominal"}
     return trial.run_trial(searched, CLUMSY.model_dump(mode="json"), 7, 4, str(path))
 

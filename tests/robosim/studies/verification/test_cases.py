@@ -1,7 +1,5 @@
 """Every verification case meets its expectations: in the runs of a quick report, and in more runs that are slow.
-
-Limits that the documentation states are the expectations that fail, with the range in which they do.
-"""
+Limits that the documentation states are the expectations that fail, with the range in which they do."""
 
 import math
 

@@ -18,7 +18,6 @@ from robosim.studies.verification.cases.granular.element import CELL, DT, deform
 CASE = module.collapse_profile
 
 
-# analysis ------------------------------------------------------------------------------------------------------------
 def heap_of(summit: float, rim: float, share: float) -> Profile:
     """Profile of a cone of many small particles, a share of the whole round."""
     spacing = 0.01
@@ -63,7 +62,6 @@ def test_a_law_that_the_case_lacks_is_refused() -> None:
         module.make_law("cam_clay", 1e5, 0.7)
 
 
-# law of dense sand ---------------------------------------------------------------------------------------------------
 def test_relative_density_sets_peak_dilation_and_room() -> None:
     """Bolton's index is held at 4, from a relative density of 0.5 on; the room still grows."""
     loose, medium, dense = (dense_sand(d, E=1e5, nu=0.3, density=1600.0) for d in (0.3, 0.5, 0.9))
@@ -81,9 +79,7 @@ PATHS = {"compression": np.diag([1.001, 1.001, 1.001**-2]), "extension": np.diag
 @pytest.mark.parametrize("path", PATHS)
 def test_dense_sand_flows_on_its_surface_and_dilates_to_the_critical_state(path: str) -> None:
     """Peak and critical angle are those of triaxial compression and extension; simple shear has `shear_ratio`.
-
-    At constant volume dilation adds elastic pressure: what the grains remember, and the elastic strain, cancel.
-    """
+    At constant volume dilation adds elastic pressure: what the grains remember, and the elastic strain, cancel."""
     law = DenseSand(E=1e6, nu=0.3, density=1500.0, friction_angle_deg=33.0, peak_angle_deg=42.0, dilation=0.2,
                     room=0.05)
     body = mpm.Body(law, np.random.default_rng(0).uniform(0.4, 0.6, (4, 3)), volume=0.2**3 / 4)
@@ -105,15 +101,13 @@ def test_dense_sand_flows_on_its_surface_and_dilates_to_the_critical_state(path:
         state = deform(timed, state, PATHS[path])
         angles.append(angle())
         remembered.append(float(np.ravel(state["vc"])[0]))
-    assert max(angles) == pytest.approx(42.0, abs=0.4)
-    assert angles[-1] == pytest.approx(33.0, abs=0.4)
+    assert max(angles) == pytest.approx(42.0, abs=0.4) and angles[-1] == pytest.approx(33.0, abs=0.4)
     assert np.all(np.diff(remembered) >= 0) and remembered[-1] == pytest.approx(0.05, rel=0.02)
     volume = 0.5 * np.log(np.linalg.det(np.eye(3) + state["e"][0][[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]))
     assert volume + remembered[-1] == pytest.approx(-0.03, abs=1e-5)
     assert shear_ratio(33.0) == pytest.approx(math.tan(math.radians(31.2)), abs=0.01)
 
 
-# expectations ---------------------------------------------------------------------------------------------------------
 def test_an_error_that_passes_zero_fails_and_sleep_does_not_hide_vibration() -> None:
     """A run-out that goes from -9 to +0.4 % has not converged; what moves once it is woken is not at rest."""
     def verdicts(name: str, *runs: tuple[int, dict[str, float]]) -> set[str]:
@@ -129,7 +123,6 @@ def test_an_error_that_passes_zero_fails_and_sleep_does_not_hide_vibration() -> 
     assert verdicts("drift, woken", (24, {"drift, woken": 2e-3})) == {"fail"}
 
 
-# a column ------------------------------------------------------------------------------------------------------------
 def test_a_coarse_column_keeps_its_volume_and_comes_to_rest() -> None:
     """At 8 cells per radius the deposit is short and low; its volume is that of the column and what it dilated."""
     record = CASE(cells=8)
@@ -141,7 +134,6 @@ def test_a_coarse_column_keeps_its_volume_and_comes_to_rest() -> None:
     assert -0.35 < record.errors["run-out"] < 0 and -0.25 < record.errors["height"] < 0, record.errors
     assert {f.verdict for f in judge(CASE, [record])} == {"pass", "not run"}
     assert record.readings["awake"] == record.errors["drift"] == 0
-    assert 0 < record.errors["drift, settled"] < record.errors["drift, woken"]
-    assert record.readings["settlement"] < 1e-3
+    assert 0 < record.errors["drift, settled"] < record.errors["drift, woken"] and record.readings["settlement"] < 1e-3
     (_, points), = CASE.compare([record])[0].measured.items()
     assert len(points) == len(depths)

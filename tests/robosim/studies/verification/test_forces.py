@@ -19,7 +19,6 @@ from robosim.studies.verification.cases.forces.walls import coulomb_passive, jan
 from robosim.studies.verification.report_page import draw_comparison
 
 
-# references ----------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("beta", "gamma", "z", "x"), [
     (0, 90, 1.000, 0.0), (90, 0, 0.037, 0.370), (0, -90, -0.250, 0.0), (45, 45, 0.570, 0.360), (30, 0, 0.426, 0.271),
     (60, 45, 0.376, 0.377), (-30, 0, 0.155, 0.118), (-30, 45, 0.542, -0.019)])
@@ -35,8 +34,7 @@ def test_vertical_motion_has_the_mirror_symmetry(medium: str) -> None:
     for gamma in (90.0, -90.0):
         for beta in (0.0, 20.0, 65.0, 90.0):
             one, other = plane_alpha(beta, gamma, medium), plane_alpha(-beta, gamma, medium)
-            assert one.z == pytest.approx(other.z, abs=1e-12)
-            assert one.x == pytest.approx(-other.x, abs=1e-12)
+            assert one.z == pytest.approx(other.z, abs=1e-12) and one.x == pytest.approx(-other.x, abs=1e-12)
 
 
 def test_tables_in_the_plane_agree_but_for_their_scale() -> None:
@@ -136,9 +134,7 @@ def test_laws_of_plates_carry_the_same_friction() -> None:
 
 def test_depths_of_impact_follow_their_laws() -> None:
     """Steel of 25.4 mm dropped by 0.1 m stops at 31.4 mm, and at 40.4 mm by the force law, in steps of time.
-
-    Katsuragi and Durian (2007) measured d1 = 87 +- 7 mm and k / m = 1040 +- 10 /s^2 with such a ball.
-    """
+    Katsuragi and Durian (2007) measured d1 = 87 +- 7 mm and k / m = 1040 +- 10 /s^2 with such a ball."""
     ratio, mu = 7860.0 / 1520.0, math.tan(math.radians(24.0))
     depth = dropped_sphere.predict(0.1, ratio, mu)
     assert depth == pytest.approx(0.0314, abs=3e-4)
@@ -153,7 +149,6 @@ def test_depths_of_impact_follow_their_laws() -> None:
     assert z == pytest.approx(0.0404, rel=0.01)
 
 
-# report --------------------------------------------------------------------------------------------------------------
 def test_a_comparison_shows_runs_and_reference() -> None:
     """Points that are not finite are left out; the reference's line has its uncertainty on either side."""
     html = draw_comparison(Comparison(

@@ -62,9 +62,7 @@ def test_added_mass_grows_towards_the_walls() -> None:
 
 def test_images_are_those_of_a_potential_without_flow_through_walls() -> None:
     """In the near field of a wall far larger than the gap, the correction of one wall: 3/8 (a/h)^3 of 1/2 head on.
-
-    A cube has two walls head on and four beside, 3/16 each, less what their images' images take.
-    """
+    A cube has two walls head on and four beside, 3/16 each, less what their images' images take."""
     single = 0.5 * (2 * 3 / 8 + 4 * 3 / 16) * (0.01 / 0.05) ** 3
     assert ball.added_mass(0.01, 0.1) - 0.5 == pytest.approx(single, rel=0.4)
 
