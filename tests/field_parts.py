@@ -1,5 +1,6 @@
 """Materials, bodies, places and sheets of which tests of the field make their scenes, and comparisons of states."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -41,11 +42,13 @@ def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
     return one.keys() == other.keys() and all(np.array_equal(one[name], other[name], equal_nan=True) for name in one)
 
 
-def unbalanced(solver: mpm.Solver, advances: int, duration: float, rows: int) -> tuple[float, float]:
-    """Advance; return what the first rows of the ledger lack of the change of momentum, linear and angular.
-    Over the sum of their magnitudes."""
+def unbalanced(solver: mpm.Solver, advances: int, duration: float, rows: int,
+               move: Callable[[int], None] = lambda step: None) -> tuple[float, float]:
+    """Advance, each time after `move`; return what the first rows of the ledger lack of the change of momentum, linear
+    and angular, over the sum of their magnitudes."""
     before, total, exchanged = np.concatenate(solver.momentum()), np.zeros(6), np.zeros(2)
-    for _ in range(advances):
+    for step in range(advances):
+        move(step)
         solver.advance(duration)
         total += solver.ledger[:rows].sum(0)
         exchanged += [np.abs(part).sum() for part in np.split(solver.ledger[:rows], 2, axis=1)]

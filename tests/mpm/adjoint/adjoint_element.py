@@ -32,7 +32,6 @@ class AdjointElement:
 
     @property
     def size(self) -> int:
-        """Numbers of one particle's state."""
         return len(self._state(self.P))
 
     def forward(self, state: np.ndarray, C: np.ndarray, p: np.ndarray) -> np.ndarray:

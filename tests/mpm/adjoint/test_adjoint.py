@@ -21,6 +21,10 @@ LAWS = {"hencky": mpm.Elastic(E=1e5, nu=0.3, density=1000.0),
         "fluid_without_tension": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0, tension=False)}
 
 
+def numbers_of(law) -> np.ndarray:
+    return np.pad(law.parameters, (0, 8 - len(law.parameters)))
+
+
 @pytest.mark.parametrize("name", [name if name in ("sand", "mu_i", "fluid", "fluid_without_tension", "fixed_corotated")
                                   else pytest.param(name, marks=pytest.mark.slow) for name in LAWS])
 def test_constitutive_update(name, rng):
@@ -32,9 +36,7 @@ def test_constitutive_update(name, rng):
         if element.size >= 3 and size > 0:
             state[:, :3] += np.array([0.1, -0.1, -0.02, 0.003])[:, None]
         C = 30.0 * rng.standard_normal((LANES, 9))
-        p = np.zeros(8)
-        p[: len(LAWS[name].parameters)] = LAWS[name].parameters
-        compare_with_differences(element, state, C, p, rng)
+        compare_with_differences(element, state, C, numbers_of(LAWS[name]), rng)
 
 
 def compare_with_differences(element: AdjointElement, state: np.ndarray, C: np.ndarray, p: np.ndarray,
@@ -56,9 +58,7 @@ def compare_with_differences(element: AdjointElement, state: np.ndarray, C: np.n
 def test_fluid_at_large_rates(name, rng):
     """Where the volume changes to a twentieth or to twenty times of itself in a substep; and where it is held at the
     smallest ratio, which no longer depends on the rate."""
-    element, law = AdjointElement(LAWS[name]), LAWS[name]
-    p = np.zeros(8)
-    p[: len(law.parameters)] = law.parameters
+    element, p = AdjointElement(LAWS[name]), numbers_of(LAWS[name])
     C = 30.0 * rng.standard_normal((LANES, 9))
     C[:, 0] += np.array([-10.0, -3.0, 3.0, 10.0]) / DT
     compare_with_differences(element, 0.08 * rng.uniform(-1.0, 1.0, (LANES, 1)), C, p, rng)
@@ -71,9 +71,7 @@ def test_fluid_at_large_rates(name, rng):
 def test_derivatives_through_an_svd_and_over_a_smooth_yield_surface(rng):
     """Where strains differ an SVD loses nothing, where they coincide shear has no derivative; a smooth surface changes
     nothing in its limit, and where it is wide, derivatives do not jump between two grains on its two sides."""
-    law = LAWS["sand"]
-    p = np.zeros(8)
-    p[: len(law.parameters)] = law.parameters
+    law, p = LAWS["sand"], numbers_of(LAWS["sand"])
     sharp, svd, narrow, wide = (AdjointElement(law, **options)
                                 for options in ({}, {"svd": True}, {"soft": 1e-9}, {"soft": 0.5}))
 
@@ -90,9 +88,7 @@ def test_derivatives_through_an_svd_and_over_a_smooth_yield_surface(rng):
     pressed, still = np.zeros((LANES, sharp.size)), np.zeros((LANES, 9))
     pressed[:, :3] = -0.02
     found = [bars(element, pressed, still, weights)[:, 3:6] for element in (sharp, svd)]
-    assert np.abs(found[0]).min() > 0.0
-    assert np.abs(found[1]).max() < 1e-3 * np.abs(found[0]).max()
-
+    assert np.abs(found[0]).min() > 0.0 and np.abs(found[1]).max() < 1e-3 * np.abs(found[0]).max()
     low, high = 0.0, 0.1  # shear of a pressed grain: the largest that does not yet yield
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -108,8 +104,7 @@ def test_derivatives_through_an_svd_and_over_a_smooth_yield_surface(rng):
             sheared[:, 3] = shear
             ends.append(bars(element, sheared, still, weights))
         jumps.append(np.abs(ends[1] - ends[0]).max())
-    assert jumps[0] > 1e-2
-    assert jumps[1] < 1e-4 * jumps[0]
+    assert jumps[0] > 1e-2 and jumps[1] < 1e-4 * jumps[0]
     pressed[:, 3] = 1e-4 * low  # far within the surface nothing grows
     found = [np.abs(bars(element, pressed, still, weights)).max() for element in (sharp, wide)]
     assert found[1] < 1.5 * found[0]

@@ -42,7 +42,6 @@ def bits(solver: mpm.Solver) -> str:
 
 
 def advanced() -> str:
-    """The bits of a solver that is made now, after a while."""
     solver = scene()
     solver.advance(DURATION)
     return bits(solver)
@@ -56,18 +55,14 @@ def outcome(use: Callable[[], Any]) -> str:
         return f"{type(error).__name__}: {error}"
 
 
-def uses(solver: mpm.Solver, others: dict[str, Callable[[], Any]]) -> dict[str, str]:
+def uses(solver: mpm.Solver, state: dict[str, Any], others: dict[str, Callable[[], Any]]) -> dict[str, str]:
     """What comes of each use of a solver."""
-    state = solver_state[0]
     each = {"advance": lambda: solver.advance(DURATION), "compile": solver.compile, "positions": solver.positions,
             "velocities": solver.velocities, "energy": solver.energy, "state": solver.state,
             "load": lambda: solver.load(state), "set_gravity": lambda: solver.set_gravity(np.zeros(3)),
             "set_friction": lambda: solver.set_friction(0, 0.1), "set_material": lambda: solver.set_material(0, CLAY),
             "store_checkpoint": solver.store_checkpoint, "Batch": lambda: mpm.Batch(solver, 2)}
     return {name: outcome(use) for name, use in (each | others).items()}
-
-
-solver_state: list[dict[str, Any]] = []
 
 
 def in_child(do: Callable[[], Any]) -> tuple[Any, int]:
@@ -85,7 +80,6 @@ def in_child(do: Callable[[], Any]) -> tuple[Any, int]:
 
 
 def in_thread(do: Callable[[], Any]) -> Any:
-    """Return what a function returns in a second thread."""
     results: list[Any] = []
     thread = threading.Thread(target=lambda: results.append(do()), name="second")
     thread.start()
@@ -96,18 +90,18 @@ def in_thread(do: Callable[[], Any]) -> Any:
 def fork() -> dict[str, Any]:
     """Solvers of a forked process, and those of the one that it was forked from."""
     solver = scene()
-    solver_state.append(solver.state())
+    state = solver.state()
     batch = mpm.Batch(solver, 1)
-    others: dict[str, Callable[[], Any]] = {"Batch.load": lambda: batch.load(0, solver_state[0])}
+    others: dict[str, Callable[[], Any]] = {"Batch.load": lambda: batch.load(0, state)}
 
     def child() -> dict[str, Any]:
-        before = uses(solver, others)
+        before = uses(solver, state, others)
         own = advanced()
-        return {"refused": [before, uses(solver, others)], "own": own, "grandchild": in_child(advanced)}
+        return {"refused": [before, uses(solver, state, others)], "own": own, "grandchild": in_child(advanced)}
 
     result, status = in_child(child)
     unused = in_child(lambda: 0)
-    solver.load(solver_state[0])
+    solver.load(state)
     solver.advance(DURATION)
     return {"child": result, "status": status, "unused": unused, "parent": bits(solver)}
 
@@ -123,9 +117,9 @@ def thread() -> dict[str, Any]:
     """A second thread that uses the field first, and later a solver of the main one."""
     first = in_thread(lambda: outcome(scene))
     solver = scene()
-    solver_state.append(solver.state())
+    state = solver.state()
     before = bits(solver), settings(solver)
-    refused = in_thread(lambda: uses(solver, {"Solver": scene}))
+    refused = in_thread(lambda: uses(solver, state, {"Solver": scene}))
     return {"first": first, "refused": refused, "before": before, "after": (bits(solver), settings(solver))}
 
 

@@ -15,7 +15,6 @@ SCRIPT = Path(__file__).with_name("other_owners.py")
 
 
 def run(case: str) -> Any:
-    """Run `other_owners.py`; return what it prints."""
     done = subprocess.run([sys.executable, str(SCRIPT), case], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
@@ -34,8 +33,7 @@ def test_a_forked_process_uses_the_field_as_its_parent_does(forked: Any) -> None
 
 def test_a_forked_process_ends(forked: Any) -> None:
     """Used or not, at the interpreter's exit as well: Taichi would wait there for threads that it does not have."""
-    assert forked["status"] == 0
-    assert forked["unused"] == [0, 0]
+    assert forked["status"] == 0 and forked["unused"] == [0, 0]
     assert forked["child"]["grandchild"][1] == 0
 
 
@@ -51,8 +49,7 @@ def test_a_process_forked_by_another_thread_is_refused() -> None:
     """It may have been forked in the middle of a launch."""
     result = run("fork_in_thread")
     assert result["child"].startswith("BackendError: ") and 'context="spawn"' in result["child"]
-    assert result["status"] == 0
-    assert "Error" not in result["parent"]
+    assert result["status"] == 0 and "Error" not in result["parent"]
 
 
 def test_a_second_thread_is_refused_and_changes_nothing() -> None:

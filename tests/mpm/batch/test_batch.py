@@ -42,11 +42,10 @@ def way(begin: mpm.Pose, e: int, legs: int) -> list[mpm.Pose]:
 
 
 def same(one: mpm.Counts, other: mpm.Counts) -> bool:
-    return one[:-1] == other[:-1] and np.array_equal(one.per_particle, other.per_particle)  # pyright: ignore[reportArgumentType]
+    return one[:-1] == other[:-1] and np.array_equal(one.per_particle, other.per_particle)
 
 
 def set_up(batch: mpm.Batch, e: int, law: mpm.DruckerPrager, volume: float, frame: mpm.Pose, friction: float) -> None:
-    """Give a future numbers of its own."""
     batch.set_material(e, 0, law)
     batch.set_volume(e, 0, volume)
     batch.place(e, frame)
@@ -78,7 +77,6 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
             alone.set_collider_motion(0, *way(alone.collider_pose(0), e, k))
             read += alone.advance(k * STEP, readings=k)
         expected.append((read, alone.state(), alone.core.sample.values.copy()))
-
     shared, read = batch.solver, []
     for e, start in enumerate(starts(shared)):
         set_up(batch, e, materials[e], volumes[e], frames[e], frictions[e])

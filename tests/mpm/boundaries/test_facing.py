@@ -18,13 +18,12 @@ def impulse(contact: Contact, place: float, gap: float, *, static: bool) -> np.n
                 (0, 0, 0.1))
     plate = mpm.Collider(mpm.Sdf.box((0.06, 0.06, 0.02)), friction=0.0, static=static,
                          pose=at(0.09, 0.09, end + gap * CELL + 0.02))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.18, 0.18, 0.16), CELL), bodies=[bar], colliders=[plate],
-                        contact=contact, gravity=(0, 0, 0))
-    if not static:
-        solver.set_collider_motion(0, plate.pose, plate.pose)
-    solver.advance(solver.dt)
-    force = solver.collider_impulse(0).force
-    solver.close()
+    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.18, 0.18, 0.16), CELL), bodies=[bar], colliders=[plate],
+                    contact=contact, gravity=(0, 0, 0)) as solver:
+        if not static:
+            solver.set_collider_motion(0, plate.pose, plate.pose)
+        solver.advance(solver.dt)
+        force = solver.collider_impulse(0).force
     return force
 
 

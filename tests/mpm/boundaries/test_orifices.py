@@ -59,7 +59,6 @@ def boxed(bottom: float, top: float) -> mpm.Solver:
 
 
 def law_of(solver: mpm.Solver) -> mpm.Orifice:
-    """The orifice of the can."""
     return solver.colliders[0].orifices[0]
 
 
@@ -258,13 +257,6 @@ def test_a_slow_hole_flows_on_although_grains_may_sleep() -> None:
         assert law > 5 * mass and solver.passed_mass(0)[0] == pytest.approx(law, abs=0.51 * mass)
 
 
-def test_only_a_scene_with_orifices_has_their_fields() -> None:
-    with filled(places=()) as solver:
-        assert solver.fields.orifices is None and "orifices" not in solver.state()
-        with pytest.raises(mpm.InvalidValue, match="collider 0 has no orifices"):
-            solver.passed_mass(0)
-
-
 def test_what_is_refused() -> None:
     down = np.array([0.0, 0.0, -1.0])
     one = np.zeros((1, 3))
@@ -286,3 +278,5 @@ def test_what_is_refused() -> None:
         filled(bodies=[water])
     with filled() as solver, pytest.raises(mpm.InvalidValue, match="an orifice, which is not differentiated"):
         mpm.Rollout(solver, 2)
+    with filled(places=()) as solver, pytest.raises(mpm.InvalidValue, match="collider 0 has no orifices"):
+        solver.passed_mass(0)

@@ -12,13 +12,11 @@ SALT = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1217.0, friction_angle_deg=33.
 
 
 def bowl() -> mpm.Shell:
-    """The lower half of a sphere."""
     ball = trimesh.creation.icosphere(3, RADIUS)
     return mpm.Shell.from_mesh(trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] < 0]), 1.5e-3)
 
 
 def filled(pose: mpm.Pose, leave_out: int = 0) -> mpm.Solver:
-    """A bowl at a pose, full of salt."""
     spacing = CELL / 2 ** (1 / 3)
     grains = mpm.sample_box((-RADIUS,) * 3, (RADIUS, RADIUS, 0.0), spacing, np.random.default_rng(0))
     grains = grains[np.linalg.norm(grains, axis=1) < RADIUS - 0.6 * spacing]

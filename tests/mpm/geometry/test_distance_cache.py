@@ -23,7 +23,6 @@ def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list:
 
 
 def lattice(size: float = 0.02, spacing: float = 2e-3) -> mpm.geometry.sampled_sdf.Lattice:
-    """Distances of a box."""
     return mpm.Sdf.from_mesh(trimesh.creation.box((size, size, 0.01)), spacing=spacing)
 
 
@@ -69,8 +68,7 @@ def test_a_damaged_file_is_computed_again(counted: list, tmp_path: Path) -> None
     assert len(counted) == 5 and file.read_bytes() == whole
 
 
-def test_an_empty_name_keeps_nothing_and_other_code_finds_nothing(counted: list, tmp_path: Path,
-                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_empty_name_keeps_nothing_and_other_code_finds_nothing(counted: list, tmp_path, monkeypatch) -> None:
     lattice()
     monkeypatch.setattr(distance_cache, "_code", lambda: b"other")
     lattice()

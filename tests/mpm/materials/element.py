@@ -12,8 +12,7 @@ class Element:
     def __init__(self, material, precision: str = "f64", integrator: str = "exact") -> None:
         self.material, self.precision = material, precision
         self.dtype = np.float64 if precision == "f64" else np.float32
-        self.parameters = np.zeros(8, self.dtype)
-        self.parameters[: len(material.parameters)] = material.parameters
+        self.parameters = np.pad(material.parameters, (0, 8 - len(material.parameters))).astype(self.dtype)
         real = real_type(precision)
         logarithm, exponential = INTEGRATORS[integrator]
 

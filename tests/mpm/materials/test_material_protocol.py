@@ -41,4 +41,4 @@ def test_an_incomplete_law_is_refused_by_name(change: dict, message: str) -> Non
                "lam": 1.0, "parameters": (1.0, 1.0), "stress": abs, "energy_density": abs} | change
     law = SimpleNamespace(**{name: value for name, value in members.items() if value is not None})
     with pytest.raises(mpm.InvalidValue, match=message):
-        mpm.Body(law, np.zeros((1, 3)), volume=1e-6)  # pyright: ignore[reportArgumentType]
+        mpm.Body(law, np.zeros((1, 3)), volume=1e-6)

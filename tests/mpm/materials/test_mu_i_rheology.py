@@ -33,8 +33,7 @@ def test_steady_shear_has_the_friction_of_its_inertial_number(rate: float) -> No
     inertial = rate * 1e-3 / math.sqrt(pressure / 2450.0)
     low, high = (3.0 * law.alpha / math.sqrt(2.0) for law in (STATIC, LIMIT))
     expected = low + (high - low) / (1.0 + 0.279 / inertial)
-    assert stress / pressure == pytest.approx(expected, rel=2e-4)
-    assert low < stress / pressure < high
+    assert stress / pressure == pytest.approx(expected, rel=2e-4) and low < stress / pressure < high
 
 
 def test_friction_does_not_depend_on_the_substep() -> None:
@@ -58,8 +57,7 @@ def test_cohesion_does_not_grow_with_the_rate() -> None:
     """A faster flow gains what friction does: as much with cohesion as without."""
     loose, sticky = (mpm.MuIRheology(**BEADS, limit_angle_deg=29.0, cohesion=cohesion) for cohesion in (0.0, 3e3))
     gains = [shear(material, 500.0, 2e-6)[1] - shear(material, 0.05, 2e-2)[1] for material in (loose, sticky)]
-    assert gains[0] > 500.0
-    assert gains[1] == pytest.approx(gains[0], rel=0.01)
+    assert gains[0] > 500.0 and gains[1] == pytest.approx(gains[0], rel=0.01)
 
 
 @pytest.mark.parametrize(("numbers", "text"), [

@@ -77,7 +77,6 @@ def test_the_solver_resonates_as_the_map_does() -> None:
         assert np.abs(solver.state()["e"]).max() < 0.2
     solver.load(start)
     solver.core.dt = resonant_share(0.1) * bound  # which the constructor refuses
-
     with pytest.raises((mpm.SimulationDiverged, AssertionError), match="diverged|lost"):
         for _ in range(20):
             solver.advance(100 * solver.dt)

@@ -46,8 +46,7 @@ def test_plane_that_passes_behind_the_camera_has_its_analytic_depth(normal: tupl
 
 def test_triangles_are_seen_from_one_side():
     one = plane_through(np.array([0.0, 0.0, 1.0]), 2.0)
-    assert np.isfinite(draw(one)).all()
-    assert np.isinf(draw(one[:, ::-1])).all()
+    assert np.isfinite(draw(one)).all() and np.isinf(draw(one[:, ::-1])).all()
 
 
 def test_ball_occludes_a_plane_and_moves_with_its_frame():

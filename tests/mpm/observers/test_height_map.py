@@ -17,8 +17,7 @@ def lattice(counts: tuple[int, int, int]) -> np.ndarray:
 def test_flat_bed_has_its_own_mean_height():
     raster = Raster((4 * SPACING, 4 * SPACING), (16 * SPACING, 16 * SPACING), (96, 96))
     heights = HeightMap(raster, SPACING).draw(lattice((20, 20, 4)), np.zeros((96, 96), np.float32))
-    assert heights.mean() == pytest.approx(4 * SPACING, rel=1e-3)
-    assert np.ptp(heights) < 0.4 * SPACING
+    assert heights.mean() == pytest.approx(4 * SPACING, rel=1e-3) and np.ptp(heights) < 0.4 * SPACING
 
 
 def test_slope_is_seen_along_the_axis_that_it_has():
@@ -27,8 +26,7 @@ def test_slope_is_seen_along_the_axis_that_it_has():
     raster = Raster((0.0, 0.0), (40 * SPACING, 40 * SPACING), (40, 40))
     heights = HeightMap(raster, SPACING).draw(grains, np.zeros((40, 40), np.float32))[5:-5, 5:-5]
     along_x, along_y = (np.polyfit(SPACING * np.arange(30), heights.mean(axis), 1)[0] for axis in (1, 0))
-    assert along_x == pytest.approx(0.5, rel=0.02)
-    assert abs(along_y) < 0.01
+    assert along_x == pytest.approx(0.5, rel=0.02) and abs(along_y) < 0.01
 
 
 def test_floor_shows_where_no_particle_is_and_is_never_dug_into():

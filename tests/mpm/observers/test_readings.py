@@ -5,7 +5,6 @@ import pytest
 from field_parts import block, sand
 
 import mpm
-from mpm.materials.elasticity import Elastic
 from mpm.observers.diagnostics import eigenvalues
 
 E, NU, RHO = 2e5, 0.3, 1300.0
@@ -32,12 +31,11 @@ def fixed_corotated(F: np.ndarray) -> np.ndarray:
     return 2 * MU * (F - U @ Vt) @ F.T + LAM * (J - 1) * J * np.eye(3)
 
 
-@pytest.mark.parametrize(("model", "stress"), [("hencky", hencky), ("neo_hookean", neo_hookean),
-                                               ("fixed_corotated", fixed_corotated)])
-def test_stresses_are_those_of_the_law(model, stress):
+@pytest.mark.parametrize("stress", [hencky, neo_hookean, fixed_corotated])
+def test_stresses_are_those_of_the_law(stress):
     rng = np.random.default_rng(3)
     positions = rng.uniform(0.04, 0.16, (7, 3))
-    body = mpm.Body(Elastic(E=E, nu=NU, density=RHO, model=model), positions, volume=1e-6)
+    body = mpm.Body(mpm.Elastic(E=E, nu=NU, density=RHO, model=stress.__name__), positions, volume=1e-6)
     with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], precision="f64") as solver:
         F = np.eye(3) + 0.1 * rng.uniform(-1, 1, (7, 3, 3))
         b = F @ F.transpose(0, 2, 1) - np.eye(3)
@@ -47,8 +45,7 @@ def test_stresses_are_those_of_the_law(model, stress):
         J = np.linalg.det(F)
         expected = np.array([stress(one) for one in F]) / J[:, None, None]
         assert solver.stresses() == pytest.approx(expected, rel=1e-9, abs=1e-6)
-        assert np.abs(expected).max() > 1e3
-        assert solver.densities() == pytest.approx(RHO / J, rel=1e-12)
+        assert np.abs(expected).max() > 1e3 and solver.densities() == pytest.approx(RHO / J, rel=1e-12)
         assert np.array_equal(solver.state()["e"], state["e"])
 
 

@@ -62,7 +62,6 @@ def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
         assert read[-1][:6] == pytest.approx(expected, rel=1e-9, abs=1e-12)
         x = solver.positions()
         per_particle = read[-1].per_particle
-        assert per_particle is not None
         assert per_particle[:, 0] == pytest.approx(WEIGHTS @ np.abs(x[chosen] - POINT).T, rel=1e-6)
         assert (per_particle[:, 1] > 0).tolist() == REGION.holds(x[chosen]).tolist()
         phi = solver.colliders[0].sdf.distance(solver.collider_pose(0).inverse().apply(x))
@@ -70,14 +69,13 @@ def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
     assert sum(r.newly_exited for r in read) == read[-1].exited > 5 and sum(r.exited_from_region for r in read) > 0
     places = solver.positions()
     solver.close()  # the next one takes its fields
-
     solver, counter, chosen = scene(per_particle=True, reach=0.03)
     sample = mpm.Sample(solver, chosen)
     solver.attach(counter, sample)
     counter.restart()
     solver.set_collider_motion(0, *path)
     for now, before in zip(solver.advance(5e-2, readings=10), read, strict=True):
-        assert now[:-1] == before[:-1] and np.array_equal(now.per_particle, before.per_particle)  # pyright: ignore[reportArgumentType]
+        assert now[:-1] == before[:-1] and np.array_equal(now.per_particle, before.per_particle)
     assert np.array_equal(solver.positions(), places)
     assert sample.values[:, :3] == pytest.approx(places[chosen], abs=1e-6)
     assert sample.values[:, 3:] == pytest.approx(solver.velocities()[chosen], abs=1e-6)
@@ -110,8 +108,7 @@ def test_points_near_the_probe_are_counted() -> None:
     solver, counter, _ = scene(points=points, probe=mpm.Sdf.box((0.04, 0.04, 0.02)), margin=0.0075)
     now = counter.read()
     phi = solver.colliders[0].sdf.distance(points - [0.2, 0.2, 0.03])
-    assert now.probed == (phi < 0.0075).sum() == 1
-    assert now.clearance == pytest.approx(phi.min(), abs=1e-6)
+    assert now.probed == (phi < 0.0075).sum() == 1 and now.clearance == pytest.approx(phi.min(), abs=1e-6)
 
 
 def test_a_counter_that_is_placed_counts_what_lies_as_before_in_its_frame() -> None:

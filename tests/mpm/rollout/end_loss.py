@@ -1,9 +1,15 @@
-"""A loss of rollouts in several tests, and the comparison of its gradient with differences."""
+"""Laws and a loss of rollouts in several tests, and the comparison of its gradient with differences."""
 
 import numpy as np
 
 import mpm
 from mpm.rollout.losses import Loss, LossGradient, RolloutStates
+
+STRIDE = 1.0  # [s]: as long as a rollout's step and the grains' travel allow, in fluids too
+LAWS = {"fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
+        "clay": mpm.VonMises(E=2e5, nu=0.3, density=1500.0, yield_stress=2e3),
+        "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
+        "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)}
 
 
 def weighted_ends(n: int, at: int) -> Loss:
@@ -30,5 +36,4 @@ def along_directions(roll: mpm.Rollout, linear: np.ndarray, angular: np.ndarray,
 
 
 def cosine_of(one: np.ndarray, other: np.ndarray) -> float:
-    """The cosine of the angle between two vectors."""
     return one @ other / np.linalg.norm(one) / np.linalg.norm(other)

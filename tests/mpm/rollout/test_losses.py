@@ -38,6 +38,5 @@ def test_a_tool_is_kept_off_what_stands_there():
     places = np.array([[0.25, 0.0, 0.0], [0.15, 0.0, 0.0]])
     grains = np.zeros((2, 1, 3))
     found = loss(RolloutStates(np.array([1, 2]), grains, grains, places, np.tile(np.eye(3), (2, 1, 1))))
-    assert found.value == pytest.approx(0.1)
-    assert found.pose is not None
+    assert found.value == pytest.approx(0.1) and found.pose is not None
     assert found.pose == pytest.approx(np.array([[0.0] * 6, [-2.0, 0.0, 0.0, 0.0, 0.0, 0.0]]), abs=1e-6)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from end_loss import along_directions, cosine_of, weighted_ends
+from end_loss import LAWS, STRIDE, along_directions, cosine_of, weighted_ends
 from field_parts import at, block
 from scipy.spatial.transform import Rotation
 
@@ -18,11 +18,6 @@ from mpm.rollout.schedule import plan_schedule
 from mpm.stepping.snapshots import StateBank
 
 CELL, STEPS, SUBSTEPS = 0.01, 100, 5
-STRIDE = 1.0  # [s]: as long as a rollout's step and the grains' travel allow, in fluids too
-LAWS = {"fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
-        "clay": mpm.VonMises(E=2e5, nu=0.3, density=1500.0, yield_stress=2e3),
-        "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
-        "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)}
 
 
 def scene(*laws, precision: str = "f64", interval: float = STRIDE, **options) -> mpm.Solver:
@@ -57,8 +52,7 @@ def test_gradient_by_the_tools_motion(name, contact):
     for last in (10, STEPS):
         loss = weighted_ends(len(solver.masses()), last)
         value, found = roll.value_and_grad(linear, angular, loss)
-        assert value == roll.value(linear, angular, loss)
-        assert np.all(found[0][last:] == 0.0)
+        assert value == roll.value(linear, angular, loss) and np.all(found[0][last:] == 0.0)
         assert np.abs(found[0][:last]).max() > 0.0
         h = 1e-4 if name == "sand" else 1e-7
         gradient, difference = along_directions(roll, linear, angular, loss, found, 20, h)
@@ -146,8 +140,7 @@ def test_a_smaller_budget_changes_no_bit(two_materials):
         solver.load(start)
         roll = mpm.Rollout(solver, 20, step_dt=SUBSTEPS * solver.dt, budget=states * size)
         found.append((roll.schedule.levels, roll.value_and_grad(linear, angular, loss)))
-        assert roll.schedule.n_bytes <= states * size
-        assert roll.forward_steps <= 20 * (1 + roll.schedule.levels)
+        assert roll.schedule.n_bytes <= states * size and roll.forward_steps <= 20 * (1 + roll.schedule.levels)
         assert roll.value(linear, angular, loss) == pytest.approx(found[-1][1][0], rel=1e-12)
     assert [levels for levels, _ in found] == sorted({levels for levels, _ in found})
     for _, (_, gradient) in found[1:]:
@@ -158,8 +151,7 @@ def test_schedules():
     """Steps are covered, memory is what was asked for, and what cannot be done says the least that can."""
     for steps, substeps, states in ((1000, 10, 300), (1000, 10, 60), (7, 3, 12), (1, 1, 3), (999, 1, 25)):
         plan = plan_schedule(steps, substeps, 100, 100 * states)
-        assert plan.chunk * plan.parts**plan.levels >= steps
-        assert plan.slots + plan.checkpoints <= states
+        assert plan.chunk * plan.parts**plan.levels >= steps and plan.slots + plan.checkpoints <= states
     with pytest.raises(mpm.InvalidValue, match="accepted: [0-9]+ bytes or more") as error:
         plan_schedule(1000, 10, 100, 1000)
     least = int(str(error.value).split("accepted: ")[1].split()[0])
@@ -231,12 +223,10 @@ def test_what_grows_beyond_all_numbers_is_found(fluid_roll):
 
     with pytest.raises(mpm.GradientDiverged) as error:
         fluid_roll.value_and_grad(*motion(20), huge)
-    assert error.value.step <= 8
-    assert solver.positions() == pytest.approx(fluid_roll.start["x"] + solver.grid.origin)
+    assert error.value.step <= 8 and solver.positions() == pytest.approx(fluid_roll.start["x"] + solver.grid.origin)
     assert float(solver.time) == float(fluid_roll.start["time"])
     solver.advance(solver.dt)
-    assert np.isfinite(solver.positions()).all()
-    assert fluid_roll.value(*motion(20), weighted_ends(n, 20)) != 0.0
+    assert np.isfinite(solver.positions()).all() and fluid_roll.value(*motion(20), weighted_ends(n, 20)) != 0.0
     assert error.value.substep == 0  # where the stride begins, the whole step
 
 
@@ -246,7 +236,6 @@ def test_options_against_growth(two_materials):
     farther back."""
     solver = two_materials
     loss = weighted_ends(len(solver.masses()), 20)
-
     start = solver.state()
 
     def rolled(**options) -> tuple[np.ndarray, np.ndarray]:
@@ -255,15 +244,12 @@ def test_options_against_growth(two_materials):
         return roll.value_and_grad(*motion(20), loss)[1][0], roll.last.norms
 
     free = rolled()[0]
-    assert np.array_equal(rolled(limit=1e30)[0], free)
-    assert np.array_equal(rolled(window=20)[0], free)
+    assert np.array_equal(rolled(limit=1e30)[0], free) and np.array_equal(rolled(window=20)[0], free)
     short, norms = rolled(window=5)
-    assert np.array_equal(short[15:], free[15:])
-    assert np.all(norms[:15] == 0.0)
+    assert np.array_equal(short[15:], free[15:]) and np.all(norms[:15] == 0.0)
     assert np.all(norms[15:] > 0.0)
     cut = rolled(limit=0.01 * np.abs(free).max())[0]
-    assert np.isfinite(cut).all()
-    assert not np.array_equal(cut, free)
+    assert np.isfinite(cut).all() and not np.array_equal(cut, free)
 
 
 @pytest.mark.parametrize("options, message", [

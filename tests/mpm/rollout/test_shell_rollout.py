@@ -3,17 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
-from end_loss import along_directions, cosine_of, weighted_ends
+from end_loss import LAWS, STRIDE, along_directions, cosine_of, weighted_ends
 from field_parts import at
 
 import mpm
 from mpm.materials.material import Material
 
 CELL, SUBSTEPS = 0.01, 5
-STRIDE = 1.0  # [s]: as long as a rollout's step and the grains' travel allow
-LAWS = {"fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
-        "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
-        "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)}
 
 
 def bowl_scene(law: Material, interval: float) -> mpm.Solver:

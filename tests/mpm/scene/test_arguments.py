@@ -55,42 +55,32 @@ def test_a_collider_of_no_height_is_a_ball() -> None:
     assert mpm.Sdf.capsule(0.1, 0.0).distance(np.array([[0.0, 0.0, 0.3]])) == pytest.approx(0.2)
 
 
-def test_a_shell_is_not_static() -> None:
-    with pytest.raises(mpm.InvalidValue, match="static = True and a Shell.*accepted: static = False"):
-        mpm.Collider(SHEET, static=True)
-    with pytest.raises(mpm.InvalidValue, match="sdf = a Trimesh; accepted: a solid, such as mpm.Sdf.from_mesh"):
-        mpm.Collider(trimesh.creation.box((0.1,) * 3))
+USUAL: dict[Any, dict[str, Any]] = {
+    mpm.Collider: {}, mpm.Solver: {"grid": GRID, "bodies": [BODY]},
+    mpm.Body: {"material": SAND, "positions": np.full((2, 3), 0.1), "volume": 1e-7}}
 
 
-@pytest.mark.parametrize(("given", "words"), [
-    ({"bodies": BODY}, r"bodies = a Body; accepted: a list of mpm.Body"),
-    ({"bodies": mpm.Body}, r"bodies = Body \(a class\); accepted: a list"),
-    ({"bodies": ["b"]}, r"bodies\[0\] = 'b'; accepted: mpm.Body"),
-    ({"bodies": [BODY], "walls": "slip"}, r"walls = 'slip'; accepted: mpm.Walls, such as mpm.Walls.all"),
-    ({"bodies": [BODY], "colliders": mpm.Collider(BALL)}, "colliders = a Collider; accepted: a list of mpm.Collider"),
-    ({"bodies": [BODY], "colliders": [BALL]}, r"colliders\[0\] = a Sphere; accepted: mpm.Collider"),
-    ({"bodies": [BODY], "grid": 0.01}, r"grid = 0.01; accepted: mpm.Grid"),
+@pytest.mark.parametrize(("kind", "given", "words"), [
+    (mpm.Collider, {"sdf": SHEET, "static": True}, "static = True and a Shell.*accepted: static = False"),
+    (mpm.Collider, {"sdf": trimesh.creation.box((0.1,) * 3)},
+     "sdf = a Trimesh; accepted: a solid, such as mpm.Sdf.from_mesh"),
+    (mpm.Solver, {"bodies": BODY}, r"bodies = a Body; accepted: a list of mpm.Body"),
+    (mpm.Solver, {"bodies": mpm.Body}, r"bodies = Body \(a class\); accepted: a list"),
+    (mpm.Solver, {"bodies": ["b"]}, r"bodies\[0\] = 'b'; accepted: mpm.Body"),
+    (mpm.Solver, {"walls": "slip"}, r"walls = 'slip'; accepted: mpm.Walls, such as mpm.Walls.all"),
+    (mpm.Solver, {"colliders": mpm.Collider(BALL)}, "colliders = a Collider; accepted: a list of mpm.Collider"),
+    (mpm.Solver, {"colliders": [BALL]}, r"colliders\[0\] = a Sphere; accepted: mpm.Collider"),
+    (mpm.Solver, {"grid": 0.01}, r"grid = 0.01; accepted: mpm.Grid"),
+    (mpm.Solver, {"gravity": (0, 0, -9.81j)}, "gravity = .*accepted: finite numbers"),
+    (mpm.Body, {"positions": np.full((2, 3), 0.1j)}, r"Body: positions = .*accepted: real numbers \[m\]"),
+    (mpm.Body, {"positions": [["a", "b", "c"]]}, "Body: positions"),
+    (mpm.Body, {"velocities": np.full((2, 3), NAN)}, "Body: velocities = .*accepted: finite numbers"),
+    (mpm.Body, {"volume": np.inf}, "Body: volume = inf"), (mpm.Body, {"volume": 1j}, "Body: volume = 1j"),
+    (mpm.Body, {"material": mpm.DruckerPrager}, r"material = DruckerPrager \(a class\)"),
 ], ids=lambda value: value if isinstance(value, str) else "case")
-def test_a_scene_of_other_types_is_refused(given: dict[str, Any], words: str) -> None:
+def test_parts_of_a_scene_of_other_types_or_numbers_are_refused(kind: Any, given: dict[str, Any], words: str) -> None:
     with pytest.raises(mpm.InvalidValue, match=words):
-        mpm.Solver(**({"grid": GRID} | given))
-
-
-@pytest.mark.parametrize(("given", "words"), [
-    ({"positions": np.full((2, 3), 0.1j)}, r"Body: positions = .*accepted: real numbers \[m\]"),
-    ({"positions": [["a", "b", "c"]]}, "Body: positions"),
-    ({"velocities": np.full((2, 3), NAN)}, "Body: velocities = .*accepted: finite numbers"),
-    ({"volume": np.inf}, "Body: volume = inf"), ({"volume": 1j}, "Body: volume = 1j"),
-    ({"material": mpm.DruckerPrager}, r"material = DruckerPrager \(a class\)"),
-], ids=lambda value: value if isinstance(value, str) else "case")
-def test_a_body_is_of_finite_real_numbers(given: dict[str, Any], words: str) -> None:
-    with pytest.raises(mpm.InvalidValue, match=words):
-        mpm.Body(**({"material": SAND, "positions": np.full((2, 3), 0.1), "volume": 1e-7} | given))
-
-
-def test_complex_numbers_are_refused() -> None:
-    with pytest.raises(mpm.InvalidValue, match="gravity = .*accepted: finite numbers"):
-        mpm.Solver(grid=GRID, bodies=[BODY], gravity=(0, 0, -9.81j))
+        kind(**(USUAL[kind] | given))
 
 
 def test_a_mobile_collider_stays_where_a_wrong_pose_would_place_it() -> None:

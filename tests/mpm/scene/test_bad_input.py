@@ -38,14 +38,12 @@ def test_bodies_are_neither_empty_nor_outside() -> None:
         solver([cube(0.15, 0.25)])
 
 
-def test_overlapping_bodies_are_reported() -> None:
-    with pytest.warns(mpm.OverlappingBodies, match="of body 1 lie within half a grain of one of body 0"):
-        solver([cube(0.05, 0.1), cube(0.08, 0.13)])
-
-
-def test_a_body_too_soft_for_its_weight_is_reported() -> None:
-    with pytest.warns(mpm.StrongCompression, match="times its E"):
-        solver([cube(0.01, 0.19, E=1e3)])
+@pytest.mark.parametrize(("bodies", "kind", "message"), [
+    ([cube(0.05, 0.1), cube(0.08, 0.13)], mpm.OverlappingBodies, "of body 1 lie within half a grain of one of body 0"),
+    ([cube(0.01, 0.19, E=1e3)], mpm.StrongCompression, "times its E")], ids=["overlap", "too soft for its weight"])
+def test_suspicious_bodies_are_reported(bodies: list[mpm.Body], kind: type[Warning], message: str) -> None:
+    with pytest.warns(kind, match=message):
+        solver(bodies)
 
 
 def test_open_mesh_for_a_solid_offers_the_shell() -> None:

@@ -115,8 +115,7 @@ def test_momentum_closes_against_conditions_of_ones_own() -> None:
     speed along its normal stays where it is, and other walls stand beside it."""
     solver = corner(mpm.Walls(lower=(Plate(speed=-0.7), Drag(rate=20.0), Plate(speed=0.7)),
                               upper=("friction", "stick", "roller")))
-    assert len(solver.fields.wall_conditions) == 5
-    assert max(unbalanced(solver, 20, 10 * solver.dt, 2)) <= 1e-12
+    assert len(solver.fields.wall_conditions) == 5 and max(unbalanced(solver, 20, 10 * solver.dt, 2)) <= 1e-12
     assert solver.diagnostics().escaped == 0 and solver.positions().min() > -1e-3
 
 
@@ -181,15 +180,15 @@ def test_an_incomplete_condition_is_refused_by_name(change: dict, message: str) 
     members = {"separable": True, "parameters": (), **{name: vars(Glue)[name] for name in ("mirror", "slide")}} | change
     condition = SimpleNamespace(**{name: value for name, value in members.items() if value is not None})
     with pytest.raises(mpm.InvalidValue, match=message):
-        mpm.Walls(upper=("slip", "slip", condition))  # pyright: ignore[reportArgumentType]
+        mpm.Walls(upper=("slip", "slip", condition))
 
 
 def test_what_is_no_condition_is_refused_by_name() -> None:
     with pytest.raises(mpm.InvalidValue, match=r"lower x: Glue \(a class\) is not an instance"):
-        mpm.Walls(lower=(Glue, "slip", "slip"))  # pyright: ignore[reportArgumentType]
+        mpm.Walls(lower=(Glue, "slip", "slip"))
     with pytest.raises(mpm.UnknownName, match="'glue'; valid: friction, periodic, roller, slip, stick"):
         mpm.Walls.all("glue")
     with pytest.raises(mpm.InvalidValue, match="lower has 2 conditions; accepted: 3"):
-        mpm.Walls(lower=("slip", "slip"))  # pyright: ignore[reportArgumentType]
+        mpm.Walls(lower=("slip", "slip"))
     with pytest.raises(mpm.InvalidValue, match="Friction: coefficient = -1"):
         Friction(coefficient=-1.0)

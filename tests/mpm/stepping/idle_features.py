@@ -36,7 +36,6 @@ def state(colliders: list[mpm.Collider], bodies: int = 1, transfer_interval: flo
 
 
 def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
-    """Whether two states agree to the bit."""
     return all(bool((one[name] == other[name]).all()) for name in one)
 
 

@@ -4,6 +4,7 @@
 also has what a batch and a rollout say."""
 
 import sys
+from collections.abc import Callable
 
 import numpy as np
 import trimesh
@@ -48,12 +49,10 @@ def tools() -> list[mpm.Collider]:
 
 
 def at(x: float, y: float, z: float) -> mpm.Pose:
-    """Return a pose at a place, not rotated."""
     return mpm.Pose(np.array([x, y, z]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 def attach_counter(solver: mpm.Solver) -> None:
-    """Attach a counter of every second particle."""
     every = np.arange(0, len(solver.positions()), 2)
     solver.attach(mpm.RegionCounter(solver, every, point=np.array([0.1, 0.1, 0.0]), weights=np.ones(3), index=1,
                             region=mpm.Region((0.1, 0.1, 0.0), (0.05, 0.05, 9.0)),
@@ -83,12 +82,11 @@ def run(solver: mpm.Solver, advances: int) -> dict[str, np.ndarray]:
     return {**solver.state(), "ledger": ledger, "gap": gap, "read": np.array(read, float)}
 
 
-def refusal(make) -> str:  # noqa: ANN001  (a callable)
-    """Return the message of the InvalidValue that a call raises."""
+def message_of(error: type[mpm.MpmError], make: Callable[[], object]) -> str:
     try:
         make()
-    except mpm.InvalidValue as error:
-        return str(error)
+    except error as raised:
+        return str(raised)
     return "nothing"
 
 
@@ -110,12 +108,9 @@ def main(where: str, name: str, out: str) -> None:
     faster = {**start, "v": start["v"].copy()}
     faster["v"][3] = 1e4
     solver.load(faster)
-    try:
-        solver.advance(2e-3)
-        diverged = "nothing"
-    except mpm.SimulationDiverged as error:
-        diverged = str(error)
-    refusals = [refusal(lambda: mpm.Batch(solver, 2)), refusal(lambda: mpm.Rollout(solver, 3))]
+    diverged = message_of(mpm.SimulationDiverged, lambda: solver.advance(2e-3))
+    refusals = [message_of(mpm.InvalidValue, make)
+                for make in (lambda: mpm.Batch(solver, 2), lambda: mpm.Rollout(solver, 3))]
     np.savez(out, start=start["x"], serial=solver.features.serial, names=state, refusals=refusals, diverged=diverged,
              same_bits=all(np.array_equal(first[key], again[key]) for key in state), **first)
 

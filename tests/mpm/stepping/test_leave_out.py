@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import mpm
+from mpm.stepping.phases import phases_of
 
 
 @pytest.mark.parametrize(("how", "features"), [
@@ -35,7 +36,9 @@ def test_absent_features_take_no_memory() -> None:
     assert solver.fields.sleepers is None and solver.particles.rest is None
     assert solver.fields.mobile_nodes is None and solver.features.mobile == ()
     assert solver.particles.side is None and solver.particles.acceleration == [] and solver.fields.grid.layers == 1
-    assert "e" not in solver.state()
+    assert {"e", "rest", "orifices"}.isdisjoint(solver.state())
+    assert solver.awake.all() and not np.any(np.concatenate(solver.readings.sleepers_impulse))
+    assert "settle with sleepers" not in [phase.name for phase in phases_of(solver.fields)]
     sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
     body = mpm.Body(sand, positions, volume=8e-6)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body])

@@ -7,7 +7,6 @@ from field_parts import UPRIGHT, block, same, sand
 
 import mpm
 from mpm.state.sleepers import FORCE, MASS
-from mpm.stepping.phases import phases_of
 
 CELL = 0.01
 SAND = sand(E=1.5e5)
@@ -22,7 +21,7 @@ def bed(height: float = 0.03, x: tuple[float, float] = (0.0, 0.16)) -> np.ndarra
 
 
 def make(colliders: list[mpm.Collider] | None = None, sleep: bool | float = True, positions: np.ndarray | None = None,
-         **options) -> mpm.Solver:  # noqa: ANN003
+         **options) -> mpm.Solver:
     """A bed of sand in a box, in double precision."""
     box = mpm.Grid((0, 0, 0), options.pop("upper", (0.16, 0.08, 0.24)), CELL)
     bodies = options.pop("bodies", None) or [mpm.Body(SAND, bed() if positions is None else positions, volume=1.25e-7)]
@@ -62,18 +61,10 @@ def asleep() -> mpm.Solver:
 
 @pytest.fixture
 def sleeping(asleep: mpm.Solver) -> mpm.Solver:
-    """The same for a test of its own."""
     if not hasattr(asleep, "kept"):
-        asleep.kept = asleep.state()  # pyright: ignore[reportAttributeAccessIssue]
-    asleep.load(asleep.kept)  # pyright: ignore[reportAttributeAccessIssue]
+        asleep.kept = asleep.state()
+    asleep.load(asleep.kept)
     return asleep
-
-
-def test_without_sleeping_nothing_of_it_is_there() -> None:
-    solver = make(sleep=False)
-    assert solver.fields.sleepers is None and solver.particles.rest is None and "rest" not in solver.state()
-    assert "settle with sleepers" not in [phase.name for phase in phases_of(solver.fields)]
-    assert solver.awake.all() and not np.any(np.concatenate(solver.readings.sleepers_impulse))
 
 
 def test_a_bed_at_rest_falls_asleep_and_touches_no_node(sleeping: mpm.Solver) -> None:
@@ -113,8 +104,7 @@ def test_a_collider_wakes_what_is_near_and_leaves_alone_what_is_far(sleeping: mp
     lower(sleeping, 0.002)
     awake, away = sleeping.awake, np.linalg.norm(before - sleeping.collider_pose(0).position, axis=1) - 0.02
     assert awake[away < 2.5 * CELL].all(), "whatever shares a node with contact"
-    assert not awake.all()
-    assert np.array_equal(before[~awake], sleeping.positions()[~awake])
+    assert not awake.all() and np.array_equal(before[~awake], sleeping.positions()[~awake])
 
 
 def test_a_ball_meets_the_bed_as_if_it_were_awake(sleeping: mpm.Solver) -> None:
@@ -128,8 +118,7 @@ def test_a_ball_meets_the_bed_as_if_it_were_awake(sleeping: mpm.Solver) -> None:
             lower(solver, 0.002, duration=0.01)
             rows.append(solver.collider_impulse(0).force[2])
         forces.append(np.array(rows))
-    assert forces[0].max() > 0.0
-    assert np.abs(forces[1] - forces[0]).max() < 0.02 * forces[0].max()
+    assert forces[0].max() > 0.0 and np.abs(forces[1] - forces[0]).max() < 0.02 * forces[0].max()
 
 
 def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm.Solver) -> None:
@@ -220,8 +209,7 @@ def test_beds_rest_on_upper_walls_as_on_lower_ones(cells: int) -> None:
         solver.advance(0.6)
         assert 0 < solver.awake.mean() < 0.95, "asleep in part: the ball keeps those near it awake"
         fallen.append(np.sign(-pull) * (solver.positions()[:, 2] - positions[:, 2]))
-    assert fallen[0].mean() == pytest.approx(fallen[1].mean(), abs=2e-6)
-    assert abs(fallen[0]).max() < 0.002
+    assert fallen[0].mean() == pytest.approx(fallen[1].mean(), abs=2e-6) and abs(fallen[0]).max() < 0.002
 
 
 @pytest.mark.slow
@@ -233,8 +221,7 @@ def test_a_block_that_slides_slowly_is_not_frozen(speed: float, sleep: float) ->
     solver = make(bodies=[body], walls=mpm.Walls.all("slip"), sleep=sleep)
     start = solver.positions()[:, 0].mean()
     solver.advance(1.0)
-    assert solver.awake.all()
-    assert solver.positions()[:, 0].mean() - start == pytest.approx(speed, rel=1e-3)
+    assert solver.awake.all() and solver.positions()[:, 0].mean() - start == pytest.approx(speed, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -251,14 +238,14 @@ def test_environments_of_a_batch_sleep_each_for_itself(sleeping: mpm.Solver) -> 
     batch.select(1)
     disturbed = sleeping.positions()
     assert 0 < sleeping.awake.mean() < 1
-    sleeping.load(sleeping.kept)  # pyright: ignore[reportAttributeAccessIssue]
+    sleeping.load(sleeping.kept)
     for _ in range(8):
         lower(sleeping, 0.003)
     assert np.array_equal(disturbed, sleeping.positions()), "as one solver alone, to the bit"
 
 
 @pytest.mark.parametrize("sleep", [-1.0, 0, "yes", 1e3, np.nan, None])
-def test_other_values_are_refused_by_name(sleep) -> None:  # noqa: ANN001
+def test_other_values_are_refused_by_name(sleep) -> None:
     with pytest.raises(mpm.InvalidValue, match="sleep"):
         make(sleep=sleep)
 

@@ -26,7 +26,6 @@ def test_grains_far_from_the_origin_move(interval: float) -> None:
     moved = (solver.positions() - begin).mean(0)
     assert moved == pytest.approx(np.full(3, SPEED * 5000 * DT), rel=0.03)
     assert np.abs(solver.state()["remainder"]).max() < max(solver.fields.quantum)
-    solver.close()
 
 
 def test_grains_beside_a_shell_move() -> None:
@@ -36,22 +35,19 @@ def test_grains_beside_a_shell_move() -> None:
     solver.advance(2000 * DT)
     beside = solver.state()["side"][:, 0] != 0
     moved = (solver.positions() - begin)[beside].mean(0)
-    assert beside.sum() > 20
-    assert moved == pytest.approx(np.full(3, SPEED * 2000 * DT), rel=0.05)
-    solver.close()
+    assert beside.sum() > 20 and moved == pytest.approx(np.full(3, SPEED * 2000 * DT), rel=0.05)
 
 
 def test_a_slow_solid_pushes_grains() -> None:
     """Grains that a moving solid keeps out of itself move with its face."""
     body = block(mpm.Elastic(E=1e4, nu=0.3, density=1000.0), (0.9,) * 3, (0.96,) * 3, CELL / 2)
     wall = mpm.Collider(mpm.Sdf.box((0.02, 0.1, 0.1)), pose=at(0.88, 0.93, 0.93))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.2, 1.2, 1.2), CELL), bodies=[body], colliders=[wall],
-                        gravity=(0, 0, 0), dt=DT, precision="f32")
-    solver.set_collider_motion(0, wall.pose, at(0.88 + 2000 * DT * SPEED, 0.93, 0.93))
-    solver.advance(2000 * DT)
-    moved = (solver.positions() - body.positions)[:, 0].mean()
-    assert moved > 0.5 * SPEED * 2000 * DT
-    solver.close()
+    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.2, 1.2, 1.2), CELL), bodies=[body], colliders=[wall],
+                    gravity=(0, 0, 0), dt=DT, precision="f32") as solver:
+        solver.set_collider_motion(0, wall.pose, at(0.88 + 2000 * DT * SPEED, 0.93, 0.93))
+        solver.advance(2000 * DT)
+        moved = (solver.positions() - body.positions)[:, 0].mean()
+        assert moved > 0.5 * SPEED * 2000 * DT
 
 
 def test_a_state_has_the_remainder() -> None:
@@ -72,11 +68,8 @@ def test_a_state_has_the_remainder() -> None:
     solver.advance(10 * DT)
     solver.restore_checkpoint()
     assert (solver.state()["remainder"] == stored["remainder"]).all()
-    solver.close()
     double, _ = slow_block("f64")
-    assert "remainder" not in double.state()
-    assert not double.particles.remainder
-    double.close()
+    assert "remainder" not in double.state() and not double.particles.remainder
 
 
 @pytest.mark.parametrize("interval", [pytest.param(0.0, marks=pytest.mark.slow), 5 * DT])
@@ -97,8 +90,6 @@ def test_rollouts_move_as_the_solver(interval: float) -> None:
         run(None, None, mean_of_x)
         assert np.abs(place(solver) - end).max() <= 1e-4 * max(solver.fields.quantum)
     assert (place(solver) - begin + solver.grid.origin).mean() == pytest.approx(SPEED * 400 * DT, rel=0.01)
-    roll.close()
-    solver.close()
 
 
 def place(solver: mpm.Solver) -> np.ndarray:
