@@ -9,8 +9,8 @@ import numpy as np
 from mpm.backend.session import check_owner, present_program, ti
 from mpm.errors import BackendError
 
-GROUPS = 500
-"""Groups of fields that a process may lay out. Taichi 1.7.4 has room for 512, and ends the process at one more."""
+TREES = 512
+"""Trees of fields that Taichi 1.7.4 has room for, those of other code included; one more ends the process."""
 
 
 class Group:
@@ -37,11 +37,13 @@ class Group:
         if self.tree is not None and self.is_present:
             # not `SNodeTree.destroy`, which would have every kernel of the process compiled anew
             self.tree.ptr.destroy_snode_tree(self._program)
+            _vacant_trees().add(self.tree.id)
         self.tree = None
         _groups.discard(self)
 
 
 _groups: set[Group] = set()  # groups of fields that are laid out
+_vacant: tuple[Any, set[int]] = (None, set())  # a program, and the trees that it has room for again
 _unused: list[Group] = []  # groups that wait to be freed by the next `allocating`
 _present: Group | None = None  # the group that fields are being added to
 _waiting: list[Callable[[], None]] = []  # actions on fields that wait until their group is laid out
@@ -60,14 +62,15 @@ def allocating() -> Iterator[Group]:
         _unused.pop().free()
     runtime = ti.lang.impl.get_runtime()
     runtime.materialize()
-    if len([group for group in _groups if group.is_present]) >= GROUPS:
-        raise BackendError(f"this process holds {GROUPS} groups of fields, a few for each open solver; accepted: close "
+    if not _vacant_trees() and present_program().get_snode_tree_size() >= TREES:
+        raise BackendError(f"this process holds {TREES} groups of fields, a few for each open solver; accepted: close "
                            f"solvers that are no longer used (Solver.close, Env.close)")
     _present = group = Group()
     try:
         yield group
         if not ti.lang.impl._root_fb.empty:
             group.tree = ti.lang.impl._root_fb.finalize(raise_warning=False)
+            _vacant_trees().discard(group.tree.id)
             ti.lang.impl._root_fb = ti.FieldsBuilder()
             runtime.materialize()
             _groups.add(group)
@@ -82,6 +85,19 @@ def allocating() -> Iterator[Group]:
     finally:
         _present = None
         _waiting.clear()
+
+
+def count_groups() -> int:
+    """Return how many groups of this process are laid out."""
+    return sum(group.is_present for group in _groups)
+
+
+def _vacant_trees() -> set[int]:
+    """Return the trees that were freed in this process, whose room the next ones take."""
+    global _vacant
+    if _vacant[0] is not present_program():
+        _vacant = (present_program(), set())
+    return _vacant[1]
 
 
 def _discard(runtime: Any, group: Group) -> None:

@@ -1,18 +1,19 @@
 """Fields and kernels that outlive their solver: an equal scene takes them over, and compiles nothing.
 Taichi compiles a kernel for the very fields that it was first called with, and keeps it until the process ends. So a
 solver gives its fields back when it is closed or no longer used, and the next solver of an equal scene takes them. What
-nobody has taken over is freed once it exceeds `IDLE_BYTES`, the longest unused first."""
+nobody has taken over is freed once it exceeds `IDLE_BYTES` or Taichi's room, the longest unused first."""
 
 import gc
 import weakref
 from collections.abc import Callable, Hashable
 from typing import Any
 
-from mpm.backend.allocation import Group, allocating
+from mpm.backend.allocation import Group, allocating, count_groups
 from mpm.backend.session import default_precision, present_program
 from mpm.errors import InvalidValue
 
 IDLE_BYTES = 500_000_000  # memory [bytes] that fields of closed solvers may take
+MOST_GROUPS = 300  # groups of fields above which those of closed solvers are freed; Taichi has room for 512
 
 
 class Assembly:
@@ -102,9 +103,9 @@ def give_back(assembly: Assembly) -> None:
 
 
 def limit_idle(budget: int = IDLE_BYTES) -> None:
-    """Free the longest unused assemblies until the others take `budget` [bytes] at most."""
+    """Free the longest unused assemblies until the others take `budget` [bytes] at most, and leave room for groups."""
     sizes = [assembly.bytes for assembly in _idle]
-    while sum(sizes) > budget:
+    while sum(sizes) > budget or (_idle and count_groups() > MOST_GROUPS):
         sizes.pop(0)
         _idle.pop(0).free()
 

@@ -1,6 +1,8 @@
 """Fields and kernels that outlive their solver: taken over by an equal scene, freed otherwise, never shared."""
 
 import gc
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -176,3 +178,36 @@ def test_idle_memory_is_limited():
             solver.positions()
     idle = len(allocation._groups)
     assert groups_in_use() <= idle - 3
+
+
+def test_closed_solvers_leave_room_for_groups(monkeypatch):
+    """Taichi ends a process that lays out one group more than it has room for."""
+    monkeypatch.setattr(assembly, "MOST_GROUPS", groups_in_use() + 8)
+    for cell in (0.02, 0.021, 0.022, 0.023, 0.024):
+        make(cell=cell).close()
+        assert allocation.count_groups() <= assembly.MOST_GROUPS
+
+
+def test_a_process_without_room_for_groups_is_told():
+    """Trees of other code count, too; what is freed is room again."""
+    script = """
+import mpm
+from mpm.backend import allocating, ti
+
+def one():
+    with allocating() as group:
+        groups.append((ti.field(ti.f32, 1), group))
+
+mpm.init()
+groups = []
+for _ in range(2):
+    try:
+        while True:
+            one()
+    except mpm.BackendError as error:
+        print(len(groups), error)
+    groups.pop()[1].free()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    first, second = done.stdout.splitlines()
+    assert first == second and "this process holds 512 groups of fields" in first, done.stderr
