@@ -14,7 +14,6 @@ UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def at(x: float, y: float, z: float) -> mpm.Pose:
-    """A pose at a place [m], not turned."""
     return mpm.Pose(np.array([x, y, z]), UPRIGHT)
 
 
@@ -38,7 +37,6 @@ def plate(half: float, axis: int = 2) -> trimesh.Trimesh:
 
 
 def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
-    """Whether two states agree to the bit."""
     return one.keys() == other.keys() and all(np.array_equal(one[name], other[name], equal_nan=True) for name in one)
 
 

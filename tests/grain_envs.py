@@ -39,7 +39,6 @@ def play(env: GrainEnv, policy: str | Callable = "scripted", seed: int = 0, **re
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two results hold the same bits."""
     if isinstance(one, dict):
         return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
     if isinstance(one, list | tuple):

@@ -67,7 +67,6 @@ NETWORK = {"weight_0": np.zeros((8, 5)), "bias_0": np.zeros(8), "weight_1": np.z
 
 
 def follow(path: Path) -> None:
-    """Read a policy, and take an action."""
     training_options(str(path))
     assert make_policy(str(path), ENV, 0)(ENV.observation).shape == (3,)
 
@@ -80,7 +79,6 @@ def read_demonstration(path: Path) -> None:
 
 
 def continue_search(path: Path) -> None:
-    """Read an unfinished demonstration, and take a step."""
     stored = load_stored(path, "f")
     assert stored is not None
     search = Descent(np.zeros((STEPS, 3)), 0.05, 0)
@@ -96,7 +94,6 @@ def search_state() -> dict[str, np.ndarray]:
 
 
 def read_rollout(path: Path) -> None:
-    """Read a folder with two copies of a rollout."""
     for k in range(2):
         (path.parent / f"rollout_0000{k}.npz").write_bytes(path.read_bytes())
     (path.parent / "rollouts.json").write_text(json.dumps(describe_environment(ENV)))
@@ -114,8 +111,6 @@ def read_start_state(path: Path) -> None:
 
 
 class Reader(NamedTuple):
-    """A reader of files."""
-
     read: Callable[[Path], object]
     content: dict[str, Any]
     """Arrays, or a table, of a file that it accepts."""

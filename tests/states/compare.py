@@ -31,7 +31,6 @@ def compare(a: Path, b: Path, patterns: list[str]) -> int:
 
 
 def differences(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
-    """Return a line for each difference of two results of a case."""
     lines = [f"error: {a.get('error')} | {b.get('error')}"] if a.get("error") != b.get("error") else []
     left, right = a["values"], b["values"]
     for name in [name for name in left if name in right]:

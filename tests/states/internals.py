@@ -55,7 +55,6 @@ def dosing_terms() -> list[str]:
 
 
 def vector_solvers(env: Any) -> list[mpm.Solver]:
-    """Return the solvers that are in this process."""
     return [batch.world.solver for batch in env.unwrapped.batches if hasattr(batch, "world")]
 
 

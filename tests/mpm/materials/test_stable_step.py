@@ -44,6 +44,13 @@ def largest_strain(nu: float, shares: np.ndarray, steps: int, amplitude: float =
     return largest
 
 
+def test_the_bound_is_that_of_an_isolated_particle() -> None:
+    """In cells that a pressure wave of the bulk travels: sqrt((lam + 2 mu) / (3 lam + 2 mu)), for nu = 0.3."""
+    law = mpm.Elastic(E=1e5, nu=0.3, density=1500.0)
+    wave = np.sqrt((law.lam + 2 * law.mu) / law.density)
+    assert material_bound(0.02, law) * wave / 0.02 == pytest.approx(0.734, abs=5e-4)
+
+
 def test_phases_add_up_to_a_circle() -> None:
     """The formula of the docs is the condition on the phases 2 arcsin(omega dt / 2) of the two modes."""
     for nu in (0.0, 0.05, 0.1, 0.15):

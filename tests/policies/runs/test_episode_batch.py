@@ -68,7 +68,8 @@ def test_an_interrupted_run_of_a_batch_continues_to_the_same_bits(tmp_path, acto
     again = make_training(tmp_path / "interrupted", preset)
     again.learn()
     assert again.env.count == whole.env.count == 6
-    assert all(map(torch.equal, again.model.policy.parameters(), whole.model.policy.parameters()))
+    weights = [run.model.policy.parameters() for run in (again, whole)]
+    assert all(torch.equal(*pair) for pair in zip(*weights, strict=True))
     assert again.model._n_updates == whole.model._n_updates == 28  # two for each pair of decisions, but the last
     times = ("seconds", "simulating", "updating")
     rows = [[{key: value for key, value in row.items() if key not in times} for row in one.folder.rows]

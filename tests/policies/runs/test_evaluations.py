@@ -35,7 +35,8 @@ def test_a_run_is_the_same_however_often_its_policy_is_evaluated(tmp_path):
     keys = ("episode", "start", "return", "tcs", "decisions")
     assert [[row[key] for key in keys] for row in often.folder.rows] == [
         [row[key] for key in keys] for row in once.folder.rows]
-    assert all(map(torch.equal, often.model.policy.parameters(), once.model.policy.parameters()))
+    weights = [run.model.policy.parameters() for run in (often, once)]
+    assert all(torch.equal(*pair) for pair in zip(*weights, strict=True))
     assert [row["episode"] for row in often.evaluations.rows] == [1, 2, 3, 4]
     assert [row["episode"] for row in once.evaluations.rows] == [4]
     last, again = (dict(training.evaluations.rows[-1], seconds=0) for training in (often, once))

@@ -52,7 +52,8 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
     again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", TrainingOptions(seed=1, checkpoint_every=2))
     again.learn()
     assert again.env.count == whole.env.count == 4
-    assert all(map(torch.equal, again.model.policy.parameters(), whole.model.policy.parameters()))
+    weights = [run.model.policy.parameters() for run in (again, whole)]
+    assert all(torch.equal(*pair) for pair in zip(*weights, strict=True))
     keys = ("episode", "return", "decisions")
     assert [[row[key] for key in keys] for row in again.folder.rows] == [
         [row[key] for key in keys] for row in whole.folder.rows]

@@ -32,7 +32,6 @@ def ladle(tmp_path_factory: pytest.TempPathFactory) -> ToolShape:
 
 
 def crossings(values: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the places at which values change their sign."""
     return places[1:][np.diff(np.sign(values)) != 0]
 
 
