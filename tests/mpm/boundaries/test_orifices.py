@@ -181,6 +181,7 @@ def test_the_wall_opposite_a_hole_does_not_recede() -> None:
                                                                     (column.sum(), 1)), abs=4e-3)
 
 
+@pytest.mark.slow
 def test_grains_on_the_wall_opposite_a_hole_do_not_block_it() -> None:
     with boxed(0.0615, 0.0705) as solver:
         column = solver.positions()[:, 2] > START[2] + 0.06
@@ -249,6 +250,7 @@ def test_a_batch_passes_what_a_solver_passes() -> None:
         assert 0 < solver.passed_mass(0)[0] < alone["orifices"][0, 6]
 
 
+@pytest.mark.slow
 def test_a_slow_hole_flows_on_although_grains_may_sleep() -> None:
     """One particle in 0.15 s: in between the bed is calm."""
     with filled(hole={"diameter": 2e-3, "grain_diameter": 3e-4}, sleep=True) as solver:

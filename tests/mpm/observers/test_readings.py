@@ -110,6 +110,7 @@ def test_particles_that_would_leave_the_grid_are_reported_once() -> None:
     solver.advance(5e-3)  # a second warning would be an error here
 
 
+@pytest.mark.slow
 def test_a_batch_reports_them_too() -> None:
     batch = mpm.Batch(thrown((20.0, 0.0, 0.0)), 2)
     with pytest.warns(mpm.GrainsLeaveGrid) as caught:

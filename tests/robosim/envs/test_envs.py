@@ -94,7 +94,7 @@ def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, r
 
 
 @pytest.mark.parametrize("arm", [False, pytest.param(True, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", [*MOST, "DoseSpoon"])
+@pytest.mark.parametrize("name", [*MOST, pytest.param("DoseSpoon", marks=pytest.mark.slow)])
 def test_gymnasium_has_no_complaint(name: str, arm: bool) -> None:
     """A warning is an error in all tests; lists of terms are checked in tests/robosim/senses."""
     check_env(make(name, obs=None if name in DOSING else "moments", arm=arm), skip_render_check=True)

@@ -39,6 +39,7 @@ def test_container_and_grains_are_put_elsewhere_as_one():
     env.close()
 
 
+@pytest.mark.slow
 def test_a_place_that_is_not_moved_is_the_task_s_own():
     """Ranges of zero width: rewards are those of the task, to the bit."""
     own, moved = make("ShovelMove"), make("ShovelMove", randomize=dict.fromkeys(PLACE, (0.0, 0.0)))

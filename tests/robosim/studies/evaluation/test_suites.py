@@ -58,7 +58,7 @@ def rest(env: GrainEnv, local: np.ndarray) -> float:
     return float(np.abs(env.solver.collider_pose(TOOL).inverse().apply(env.solver.positions()) - local).mean())
 
 
-@pytest.mark.parametrize("task", ["SpoonPour", "SpoonScoop"])
+@pytest.mark.parametrize("task", ["SpoonPour", pytest.param("SpoonScoop", marks=pytest.mark.slow)])
 def test_a_displaced_place_displaces_the_task(task: str) -> None:
     """By whole cells: the grains in the container or the tool move along, and the reward is what it is at home.
     With the place alone, what is carried is farther from the target, what is scooped is out of the tool's reach."""

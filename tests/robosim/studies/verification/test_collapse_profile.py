@@ -123,6 +123,7 @@ def test_an_error_that_passes_zero_fails_and_sleep_does_not_hide_vibration() -> 
     assert verdicts("drift, woken", (24, {"drift, woken": 2e-3})) == {"fail"}
 
 
+@pytest.mark.slow
 def test_a_coarse_column_keeps_its_volume_and_comes_to_rest() -> None:
     """At 8 cells per radius the deposit is short and low; its volume is that of the column and what it dilated."""
     record = CASE(cells=8)
