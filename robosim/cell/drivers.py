@@ -1,5 +1,6 @@
 """Drivers of a rehearsal: what commands the joints, step by step; `DosingDriver` stands in a file of its own."""
 
+import inspect
 from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -89,8 +90,8 @@ class OwnDriver(MotionDriver):
         super().__init__(motion, start)
         self._own = getattr(own, "command", own)
         self.name: str = getattr(own, "__name__", type(own).__name__)
-        if not callable(self._own):
-            raise ConfigError(f"driver = {own!r:.100}; accepted: a function of the robot's state, or an object with a "
+        if (refused := describe_refused(own, self._own)) is not None:
+            raise ConfigError(f"driver = {refused}; accepted: a function of the robot's state, or an object with a "
                               f"method `command` of it")
         length = getattr(own, "duration", motion.duration)
         if not isinstance(length, float | int) or not 0.0 < length <= LONGEST:
@@ -122,19 +123,37 @@ class OwnDriver(MotionDriver):
         except (TypeError, ValueError):
             parts = np.zeros(0)
         if parts.shape != (3 if is_whole else 1, n):
-            what = f"array of shape {given.shape}" if isinstance(given, np.ndarray) else f"{given!r:.80}"
-            raise DriverFault(self.name, time, f"commands {what}",
-                              f"joint angles ({n},) [rad], or a JointState of such")
+            is_list = isinstance(given, tuple | list) and not is_whole
+            what = f"array of shape {given.shape}" if isinstance(given, np.ndarray) else " ".join(repr(given).split())
+            what = f"{type(given).__name__} of length {len(given)}" if is_list else what[:80]
+            raise DriverFault(self.name, time, f"commands {what}", f"joint angles ({n},) [rad] or a JointState of such")
         if not np.isfinite(parts).all():
-            raise DriverFault(self.name, time, f"commands {parts.tolist()}", "finite numbers")
+            shown = (parts if is_whole else parts[0]).tolist()
+            raise DriverFault(self.name, time, f"commands {shown}", "finite numbers")
         speed = (parts[0] - self._last) / self._dt
         for k, name in enumerate(arm.joints):
             if not arm.lower[k] <= parts[0][k] <= arm.upper[k]:
                 raise DriverFault(self.name, time, f"commands joint {name} to {parts[0][k]:.4f} rad",
                                   f"{arm.lower[k]:.4f} to {arm.upper[k]:.4f} rad")
-            fastest = max(abs(speed[k]), abs(parts[1][k]) if is_whole else 0.0)
-            if fastest > arm.velocity[k] * (1.0 + ROUNDING):
+            most = arm.velocity[k] * (1.0 + ROUNDING)
+            if not self._sent and abs(speed[k]) > most:
+                raise DriverFault(
+                    self.name, time, f"begins with joint {name} {abs(speed[k]) * self._dt:.4g} rad from where the arm "
+                    f"stands", f"up to {arm.velocity[k] * self._dt:.4g} rad, which it can move in a step")
+            if (fastest := max(abs(speed[k]), abs(parts[1][k]) if is_whole else 0.0)) > most:
                 raise DriverFault(self.name, time, f"commands joint {name} at {fastest:.4g} rad/s",
                                   f"up to {arm.velocity[k]:.4g} rad/s")
-        q, qd, qdd = parts if is_whole else (parts[0], speed, np.zeros(n))
-        return JointState(np.asarray(q), np.asarray(qd), np.asarray(qdd))
+        return JointState(*parts) if is_whole else JointState(parts[0], speed, np.zeros(n))
+
+
+def describe_refused(own: Any, command: Any) -> str | None:
+    """Return what was given in place of a driver; None where its command can be called with a robot's state."""
+    if isinstance(own, type) or not callable(command):
+        return f"class {own.__name__}" if isinstance(own, type) else f"{own!r:.100}"
+    try:
+        inspect.signature(command).bind(None)
+    except TypeError:
+        return f"{getattr(command, '__qualname__', own)!s:.100}{inspect.signature(command)}"
+    except ValueError:  # some functions of C have no signature
+        pass
+    return None

@@ -154,11 +154,11 @@ class RehearsalConfig(SceneConfig):
                                  f"valid: {', '.join(('world', *self.containers))}")
             if w.dwell and not w.stop:
                 raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
-        walls = self.solid_wall / self.field.cell  # half a cell for a shell
+        walls = self.solid_wall / (cell := self.field.cell)  # half a cell for a shell
         if not 0.5 - 1e-9 <= walls <= 1.0 + 1e-9:
-            raise ValueError(f"tool_wall = {self.tool_wall} m is {walls:.2f} cells of "
-                             f"{self.field.cell} m; accepted: 0.5 to 1 (a thinner wall leaks, "
-                             f"a thicker one distorts the {self.tool_name})")
+            raise ValueError(f"tool_wall = {self.tool_wall} m is {walls:.2f} cells of {cell} m; accepted: 0.5 to 1, "
+                             f"{0.5 * cell:g} to {cell:g} m (a thinner wall leaks, a thicker one distorts the "
+                             f"{self.tool_name})")
         if self.field.dt is not None and abs(self.host_dt / self.field.dt - round(self.host_dt / self.field.dt)) > 1e-6:
             raise ValueError(f"field.dt = {self.field.dt} s divides host_dt = {self.host_dt} s "
                              f"{self.host_dt / self.field.dt:.4f} times; accepted: a whole number")

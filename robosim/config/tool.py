@@ -103,6 +103,7 @@ class ToolConfig(Table):
     density: Density | None = None
     """Instead of mass [kg/m^3]."""
     handle: HandleConfig
+    """Line in the middle of the straight part that a hand holds; of a loop, of its straight grip."""
     inside: RegionConfig | None = None
     """Where grains count as in the tool, in the mesh's frame; null: where it holds water while it is level, and a heap
     above it."""

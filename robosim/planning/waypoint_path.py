@@ -183,13 +183,18 @@ class WaypointPath:
 
     def _check_corners(self) -> None:
         """Corners must not overlap; inside a container the path must stay close to the screws."""
+        config = self.config
         for a, b in zip(self._corners, self._corners[1:]):
             gap = b.time - a.time
             if a.after is not None and (a.blend + b.blend) / 2 > gap + 1e-9:
+                own = [f"the acceleration of {w.name!r}" for w in config.waypoints if w.acceleration and
+                       w.name in (a.name.removesuffix(" (start)"), b.name)]
                 raise ConfigError(
                     f"waypoints {a.name!r} and {b.name!r} are {gap:.3f} s apart, but rounding their corners takes "
-                    f"{(a.blend + b.blend) / 2:.3f} s: lower the speeds, or raise path.acceleration")
-        config, tip = self.config, tool_shape(self.config.tool).tip
+                    f"{(a.blend + b.blend) / 2:.3f} s: lower the speeds, raise "
+                    f"{' and '.join(own) or 'path.acceleration'}, move them further apart"
+                    + (f", or give {b.name!r} `stop: true`" if b.after is not None else ""))
+        tip = tool_shape(config.tool).tip
         for corner in self._corners:
             if corner.before is None or corner.after is None or not is_in_container(corner.pose, config):
                 continue

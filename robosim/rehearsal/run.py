@@ -105,7 +105,7 @@ class RehearsalRun:
         if config.dose is None:
             return MotionDriver(motion, config.grasp_time, late) if own is None else \
                 OwnDriver(own, motion, config.grasp_time, late, arm, config.host_dt, self._read_robot)
-        if own is not None and not (hasattr(own, "start") and hasattr(own, "command")):
+        if own is not None and (isinstance(own, type) or not (hasattr(own, "start") and hasattr(own, "command"))):
             raise ConfigError(f"driver = {own!r:.100} in a rehearsal with a dose; accepted: a controller of doses, "
                               f"with the methods `start` and `command` (robosim.dosing.command.DoseController)")
         return DosingDriver(self.plan, self.weigh_dose, self.seed, own, late)

@@ -227,9 +227,8 @@ def _prepare(config: RehearsalConfig, options: RunOptions, log: JointLog | None)
     if plan.approach is None:
         print(f"no motion from home to the start: {plan.no_approach}", file=sys.stderr)
     replay = None if log is None else RecordedMotion(log, plan.motion, plan.arm, config)
-    print("preparing grains and robot ...", file=sys.stderr)
-    seed = options.model_errors
-    errors = None if seed is None else draw_model_errors(seed, len(plan.arm.lower))
+    print("preparing grains and robot (the first run of a scene compiles for a minute or more) ...", file=sys.stderr)
+    errors = None if options.model_errors is None else draw_model_errors(options.model_errors, len(plan.arm.lower))
     run = RehearsalRun(plan, seed=options.seed, replay=replay, errors=errors, driver=options.driver)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run

@@ -40,6 +40,10 @@ class ToolShape:
         """Its parts, closed, with the real wall; they may overlap. With the handle, unless that has its own mesh."""
         self.rod = [] if handle.mesh is None else read_parts(Path(handle.mesh), None, config.scale)
         """Parts of the handle's own mesh, if there is one."""
+        bounds, lip = self.mesh.bounds, config.lip
+        if lip is not None and np.linalg.norm(lip - np.clip(lip, *bounds)) > np.linalg.norm(bounds[1] - bounds[0]):
+            raise ConfigError(f"{path}: lip = {lip} is far from the mesh; accepted: a place at its edge, between "
+                              f"{bounds[0].round(3).tolist()} and {bounds[1].round(3).tolist()} (in metres)")
         self.growth = read_directions(path, self.head) if config.thicken == "normals" else None
         """Movement (n, 3) of the head's vertices for each metre that its wall gets thicker; None: found."""
         surface = config.inner_face or (None if config.is_closed else config.mesh)

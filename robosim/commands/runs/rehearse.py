@@ -12,7 +12,7 @@ from robosim.rehearsal import CAMERAS
 
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
-  robosim rehearse spoon --set field.cell=0.005 --set waypoints.2.speed=0.1 --out out/coarse
+  robosim rehearse spoon --set field.cell=0.005 --set tool_wall=0.003 --out out/coarse
   robosim rehearse bottle --trajectory learned --out out/bottle
   robosim rehearse spoon --perturb 8 --jobs 2 --out out/robust
   robosim rehearse spoon --recorded real.mcap --out out/real"""
@@ -53,7 +53,7 @@ def add_parser(commands: Any) -> None:
                       "videos, and report the worst of every figure")
     parser.add_number("--jobs", default=1, help="with --perturb: runs at the same time")
     parser.add_launcher()
-    parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
+    parser.add_settings("rehearsal's file", "field.cell=0.004 or waypoints.2.speed=0.1")
     parser.add_threads()
     parser.set_defaults(run=run, after_interrupt="--out has what was simulated so far, of which `robosim "
                         "film` draws a video; the same command begins again")

@@ -32,7 +32,7 @@ def add_parser(commands: Any) -> None:
                         "temporary one, which is removed at the end)")
     parser.add_number("--port", default=PORT, help=f"port that the page is served at, to this machine alone "
                       f"(default: {PORT})")
-    parser.add_settings("rehearsal's file", "field.cell=0.005")
+    parser.add_settings("rehearsal's file", "field.cell=0.004")
     parser.set_defaults(run=run, after_interrupt="")
 
 

@@ -78,8 +78,7 @@ class SlurmLauncher:
     def _submit(self, commands: Sequence[Command], folder: Path, requeues: int) -> list[Any]:
         table = self.table
         folder.mkdir(parents=True, exist_ok=True)
-        executor = self._submitit.SlurmExecutor(folder=folder, max_num_timeout=requeues,
-                                                python=table.python or None)
+        executor = self._submitit.SlurmExecutor(folder=folder, max_num_timeout=requeues, python=table.python or None)
         named = {key: value for key in ("partition", "account", "qos") if (value := getattr(table, key))}
         executor.update_parameters(
             time=max(1, round(60 * table.hours)), mem=f"{max(1, round(1000 * table.memory_gb))}M",

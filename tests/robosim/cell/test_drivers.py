@@ -46,13 +46,7 @@ def test_angles_alone_have_the_speed_of_their_difference(plan: Plan) -> None:
 
 
 def test_a_driver_has_its_own_duration(plan: Plan) -> None:
-    class Short:
-        duration = 0.25
-
-        def command(self, state: RobotState) -> np.ndarray:
-            return state.planned.q
-
-    driver = make(plan, Short())
+    driver = make(plan, type("Short", (), {"duration": 0.25, "command": lambda self, state: state.planned.q})())
     assert driver.name == "Short" and driver.duration == 0.75
 
 
@@ -65,9 +59,11 @@ def jump(state: RobotState) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("own", "message"), [
-    (nan, r"driver nan at t = 0.0020 s commands \[\[nan, .*; accepted: finite numbers"),
+    (nan, r"driver nan at t = 0.0020 s commands \[nan, [^\[]*; accepted: finite numbers"),
     (jump, r"driver jump at t = 0.0010 s commands joint A3 at 10 rad/s; accepted: up to 1.745 rad/s"),
     (lambda state: state.q[:3], r"driver <lambda> at t = 0.0000 s commands array.*; accepted: joint angles \(7,\)"),
+    (lambda state: tuple(state.planned[:2]), r"commands tuple of length 2; accepted: joint angles"),
+    (lambda state: state.planned.q + 0.01, r"begins with joint A1 0.01 rad from .*; accepted: up to 0.001484 rad"),
     (lambda state: None, r"commands None; accepted: joint angles"),
     (lambda state: state.planned._replace(q=np.full(7, 9.0)), r"joint A1 to 9.0000 rad; accepted: -2.9671 to 2.9671"),
     (lambda state: state.planned._replace(qd=np.full(7, 5.0)), r"joint A1 at 5 rad/s; accepted: up to 1.484 rad/s"),
@@ -79,6 +75,8 @@ def test_commands_that_cannot_be_followed_are_refused(plan: Plan, own: Any, mess
 
 @pytest.mark.parametrize(("own", "message"), [
     (3, "driver = 3; accepted: a function of the robot's state, or an object with a method `command`"),
+    (type("Stir", (), {"command": lambda self, state: state.planned}), "driver = class Stir; accepted: a function"),
+    (type("Mute", (), {"command": lambda self: None})(), r"driver = .*lambda>\(\); accepted: a function of the"),
     (type("Endless", (), {"duration": np.inf, "command": lambda self, state: state.planned})(),
      "driver Endless: duration = inf s; accepted: above 0, up to 600 s"),
 ])

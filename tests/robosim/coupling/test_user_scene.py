@@ -175,8 +175,7 @@ def test_a_body_fixed_to_a_mocap_body_ploughs(repeated: bool, monkeypatch: pytes
         monkeypatch.setattr("robosim.coupling.schemes.NEGLIGIBLE_SPEED", 1e-9)
         monkeypatch.setattr(MobilityProbe, "predict", lambda probe, wrenches: (
             *(p := predict(probe, wrenches))[:2], 0.5 * p[2]))
-    plugin = tray(PLOUGH, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None},
-                  tolerance=1e-3 if repeated else None)
+    plugin = tray(PLOUGH, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None}, tolerance=1e-3 if repeated else None)
     forces, grains, repeats = [], np.zeros(3), 0
     for _ in range(150):
         plugin.data.mocap_pos[0, 0] += 0.2 * 0.002
