@@ -1,8 +1,7 @@
 """The scene, the robot, the coupling of grains and rigid bodies, rehearsals and their reports.
 
 `import robosim` registers the environments with Gymnasium and is light: a public name is imported where it is first
-used, and Gymnasium itself only by who uses it.
-"""
+used, and Gymnasium itself only by who uses it."""
 
 from typing import TYPE_CHECKING
 

@@ -13,8 +13,7 @@ from mpm.materials.yield_surface import TINY, yielding_share
 class VonMises(Hencky):
     """Clay: Hencky elasticity up to |dev tau| = sqrt(2/3) yield_stress, then plastic flow at constant volume.
 
-    Raises InvalidValue for a number out of range.
-    """
+    Raises InvalidValue for a number out of range."""
 
     yield_stress: float
     """Yield stress [Pa] in uniaxial tension."""

@@ -8,8 +8,7 @@ substep and a what the cone allows at rest,
 
 where s is the part of a that friction has, without cohesion, R its value at infinite rate relative to that at rest, and
 x / c the inertial number over its constant I0.
-It is quadratic in x (as in Dunatunga and Kamrin 2015, J. Fluid Mech. 779:483, for a shear stress).
-"""
+It is quadratic in x (as in Dunatunga and Kamrin 2015, J. Fluid Mech. 779:483, for a shear stress)."""
 
 from mpm.backend import once, ti
 

@@ -6,8 +6,7 @@ the nodes with weights w_x(i) w_y(j) w_z(k), and three sums in which other weigh
 moments the weights times i, j, k, for derivatives by the offsets the slopes of the weights.
 
 What stands at a node is a static choice: `SingleLayer` and `ShellLayers` say which node a place in the stencil means,
-`NodeValues` and `AffineProducts` which value is summed there.
-"""
+`NodeValues` and `AffineProducts` which value is summed there."""
 
 from typing import Any, NamedTuple
 

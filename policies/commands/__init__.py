@@ -1,4 +1,3 @@
 """Commands of the learning side.
 
-Imports: demonstrations, dynamics, learning, methods, results, runs, robosim, mpm.
-"""
+Imports: demonstrations, dynamics, learning, methods, results, runs, robosim, mpm."""

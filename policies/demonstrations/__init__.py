@@ -1,7 +1,6 @@
 """Demonstrations: making them by gradient or by CMA-ES, reading, scoring and exporting them.
 
-Imports: learning, robosim, mpm.
-"""
+Imports: learning, robosim, mpm."""
 
 METHODS = ("descent", "cmaes")
 """Searches for a demonstration: gradient descent through the field, or CMA-ES."""

@@ -11,8 +11,7 @@ class ActionRepeat:
     """The map from actions (decisions, dimensions) in [-1, 1] to the tool's twists in every step of an episode.
 
     Each action is repeated for `action_repeat` steps. As in the environment, the tool's origin stays within the task's
-    box. The first three dimensions are linear velocity, three more, where a task has them, angular velocity.
-    """
+    box. The first three dimensions are linear velocity, three more, where a task has them, angular velocity."""
 
     def __init__(self, task: Any, action_repeat: int) -> None:
         action = task.action
@@ -66,8 +65,7 @@ class ActionRepeat:
     def pull_back(self, linear_bar: np.ndarray, angular_bar: np.ndarray) -> np.ndarray:
         """Return the adjoint of the actions from those of the twists (steps, 3), at the actions last converted.
 
-        A coordinate that the box clipped has no influence through its own step.
-        """
+        A coordinate that the box clipped has no influence through its own step."""
         commanded_bar = np.zeros((self.steps, self.dimensions))
         position_bar = np.zeros(3)  # of the origin after the step, through the steps that follow
         for k in reversed(range(self.steps)):

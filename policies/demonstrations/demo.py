@@ -29,8 +29,7 @@ def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jo
 
     jobs: demonstrations that are searched for at the same time. arm: whether the table has what the motion asks of the
     arm's joints. Raises robosim.ConfigError where another process is at work in the folder, mpm.InvalidValue for an
-    option that does not fit the task, or a folder with other demonstrations.
-    """
+    option that does not fit the task, or a folder with other demonstrations."""
     check_at_least(1, {"--n": n, "--jobs": jobs})
     env: Any = make_environment(task, action_repeat=options.action_repeat).unwrapped
     actions = first_actions(options.start, options.until, env.task, ActionRepeat(env.task, options.action_repeat))
@@ -76,8 +75,7 @@ def count_fixed(until: float | None, task: Any, action_repeat: int, decisions: i
 def film_demonstration(request: DemonstrationRequest, k: int) -> None:
     """Make demonstration_k.mp4, the motion among the task's own grains, unless it is newer than the demonstration.
 
-    Prints a line to stderr where that fails: a film is no part of the result.
-    """
+    Prints a line to stderr where that fails: a film is no part of the result."""
     film = request.path(k).with_suffix(".mp4")
     if film.is_file() and film.stat().st_mtime >= request.path(k).stat().st_mtime:
         return

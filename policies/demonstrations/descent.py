@@ -4,8 +4,7 @@ Adam (Kingma & Ba 2015) divides each entry by its own size, so that the last act
 first; a tool then overshoots, and grains that it has pushed too far cannot be pulled back. Here all actions along one
 axis share one size. After a run of failures the search returns to the best motion with a smaller step. Where that fails
 too, the gradient at the best motion does not describe its neighbourhood (contact has kinks), and the search continues
-from a random motion near it.
-"""
+from a random motion near it."""
 
 from typing import ClassVar
 
@@ -31,8 +30,7 @@ STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "returns
 class Descent:
     """A search over parameters (n, k) within -1 and 1, with steps of at most about `rate`.
 
-    The first `fixed` rows are not changed.
-    """
+    The first `fixed` rows are not changed."""
 
     uses_gradient: ClassVar[bool] = True
     check_every: ClassVar[int] = 5

@@ -28,8 +28,7 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repea
     the file of the transitions alone. Its layout: a group `episode_k` for each, with observations (T + 1, ...), actions
     (T, n), rewards, terminations and truncations (T,), and attributes id, seed, total_steps, demonstration and score;
     on top the attributes total_episodes, total_steps and env_spec.
-    Raises mpm.InvalidValue where h5py is not installed, or a path or demonstration is wrong.
-    """
+    Raises mpm.InvalidValue where h5py is not installed, or a path or demonstration is wrong."""
     if find_spec("h5py") is None:
         raise mpm.InvalidValue('robosim export needs h5py: pip install ".[learn]"')
     env = make_environment(task, obs=obs, action_repeat=action_repeat)
@@ -55,8 +54,7 @@ def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", acti
     """Play every demonstration, from its own start, and write a LeRobot dataset of version 3; return 0.
 
     One frame a decision: observation.state, action, next.reward, next.done, and a picture of the task's camera. Raises
-    mpm.InvalidValue where pyarrow is not installed, or a path, demonstration or observation is wrong.
-    """
+    mpm.InvalidValue where pyarrow is not installed, or a path, demonstration or observation is wrong."""
     if find_spec("pyarrow") is None:
         raise mpm.InvalidValue('--format lerobot needs pyarrow: pip install ".[lerobot]"')
     from policies.demonstrations.lerobot_dataset import write_lerobot_dataset
@@ -75,8 +73,7 @@ def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", acti
 def dataset_files(out: Path) -> tuple[Path, Path | None]:
     """Return the files of transitions and of metadata that `out` stands for, in a folder that exists.
 
-    Raises mpm.InvalidValue for an `out` that cannot be used.
-    """
+    Raises mpm.InvalidValue for an `out` that cannot be used."""
     is_file = out.suffix in (".hdf5", ".h5")
     if not is_file and not re.fullmatch(r"[-\w]+", out.name):
         raise mpm.InvalidValue(f"--out {out}: a dataset cannot be called {out.name!r}; accepted: letters, digits, - "
@@ -132,8 +129,7 @@ def describe_space(space: gymnasium.Space) -> dict[str, Any]:
 def write_dataset(file: Path, metadata: Path | None, episodes: list[PlayedDemonstration], more: dict[str, str]) -> None:
     """Write the transitions, then the metadata if there are any: Minari takes a folder for a dataset only with them.
 
-    more: entries of the metadata besides totals and format; "env_spec" is in the file of transitions, too.
-    """
+    more: entries of the metadata besides totals and format; "env_spec" is in the file of transitions, too."""
     import h5py
 
     totals = {"total_episodes": len(episodes), "total_steps": sum(len(episode.transitions) for episode in episodes)}

@@ -1,7 +1,6 @@
 """`robosim gradients`: growth of derivatives backwards in time, through fluid, clay and grains, and their accuracy.
 
-Source: the figure of arXiv 2406.09178.
-"""
+Source: the figure of arXiv 2406.09178."""
 
 from pathlib import Path
 from typing import Any
@@ -41,8 +40,7 @@ Results = dict[tuple[str, str], dict[str, np.ndarray]]
 def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     """Differentiate the script of every task in all variants; write gradients.json and gradients.png; return 0.
 
-    Raises mpm.InvalidValue for an unknown task, jobs below 1, or a process that failed.
-    """
+    Raises mpm.InvalidValue for an unknown task, jobs below 1, or a process that failed."""
     for task in tasks:
         if Path(task).stem not in TASKS:
             raise mpm.InvalidValue(f"unknown task {task!r}; valid: {', '.join(TASKS)}")
@@ -100,8 +98,7 @@ def _compare_with_difference(loss: MotionLoss, actions: np.ndarray, gradient: np
                              steps_before_end: int) -> tuple[float, float]:
     """Return derivative and central difference along a random change of one action.
 
-    The difference is NaN where a changed motion diverges.
-    """
+    The difference is NaN where a changed motion diverges."""
     direction = np.zeros_like(actions)
     decision = max(0, len(actions) - steps_before_end // ACTION_REPEAT)
     direction[decision] = np.random.default_rng(steps_before_end).choice((-1.0, 1.0), actions.shape[1])
@@ -116,8 +113,7 @@ def summarise(task: str, variant: str, arrays: dict[str, np.ndarray]) -> dict[st
     """Return a row of gradients.json.
 
     growth: largest norm of the derivatives by positions divided by that before the last step. lost_before: step before
-    which derivatives are no longer finite, or None.
-    """
+    which derivatives are no longer finite, or None."""
     norms, lost = arrays["norms"][:, 0], int(arrays["lost"])
     last = norms[-1]
     return {"task": task, "variant": variant, "material": str(arrays["material"]),

@@ -1,7 +1,6 @@
 """Demonstrations as a LeRobot dataset of version 3: parquet, mp4 and meta.
 
-Source of the layout: https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
-"""
+Source of the layout: https://huggingface.co/docs/lerobot/lerobot-dataset-v3."""
 
 import json
 import shutil
@@ -35,8 +34,7 @@ def write_lerobot_dataset(out: Path, episodes: Sequence[PlayedDemonstration], *,
     """Write a dataset as the folder `out`, whole or not at all.
 
     fps: decisions per second. task: what is done, in words. state: layout of the observations. Raises mpm.InvalidValue
-    where `out` exists.
-    """
+    where `out` exists."""
     if out.exists():
         raise mpm.InvalidValue(f"--out {out}: exists; accepted: a new folder")
     unfinished = temporary_path(out)

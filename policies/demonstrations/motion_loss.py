@@ -19,8 +19,7 @@ class MotionLoss:
     """The loss of actions (decisions, dimensions) that a sub-task's environment is driven with.
 
     env: the unwrapped environment. arm_weight: weight of the penalty on motions beyond the arm's limits. rollout:
-    options of `mpm.Rollout`.
-    """
+    options of `mpm.Rollout`."""
 
     def __init__(self, env: Any, action_repeat: int, *, arm_weight: float = 0.0, **rollout: Any) -> None:
         self.env, self.actions = env, ActionRepeat(env.task, action_repeat)
@@ -54,8 +53,7 @@ class MotionLoss:
     def value_and_grad(self, actions: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the loss and its derivatives (decisions, dimensions).
 
-        Raises mpm.SimulationDiverged and mpm.GradientDiverged.
-        """
+        Raises mpm.SimulationDiverged and mpm.GradientDiverged."""
         twists = self.actions.to_twists(actions)
         loss, twist_bars = self.rollout.value_and_grad(*twists, self._objective)
         if self._arm_weight:
@@ -67,8 +65,7 @@ class MotionLoss:
     def check_gradient(self, actions: np.ndarray) -> np.ndarray:
         """Return derivatives and central differences along the gradient and random directions (1 + DIRECTIONS, 2).
 
-        They are taken at 0.99 x the actions, away from their bounds; (0, 2) where the motion there diverges.
-        """
+        They are taken at 0.99 x the actions, away from their bounds; (0, 2) where the motion there diverges."""
         actions, rng, rows = 0.99 * actions, np.random.default_rng(0), []
         try:
             _, gradient = self.value_and_grad(actions)

@@ -59,8 +59,7 @@ def demonstration_paths(folder: Path) -> list[Path]:
 def read_start(path: Path) -> tuple[int, dict[str, bool]]:
     """Return seed and options of the reset that a demonstration begins with.
 
-    Files without a start begin at the task's own. Raises mpm.InvalidValue for a file that cannot be read.
-    """
+    Files without a start begin at the task's own. Raises mpm.InvalidValue for a file that cannot be read."""
     stored = read_arrays(path, names=["start", "seed", "nominal"])
     seed = stored.integer("start" if "start" in stored else "seed", 0, 0, MAX_SEED)
     return seed, {"nominal": bool(stored.integer("nominal", 1, 0, 1))}
@@ -69,8 +68,7 @@ def read_start(path: Path) -> tuple[int, dict[str, bool]]:
 def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int, task: str = "") -> np.ndarray:
     """Return the actions (decisions, dimensions) of one file, repeated where its own action_repeat is longer.
 
-    Raises mpm.InvalidValue for a file that is no motion, or does not fit the task.
-    """
+    Raises mpm.InvalidValue for a file that is no motion, or does not fit the task."""
     try:
         stored = read_arrays(path)
         actions = stored["actions"]
@@ -99,8 +97,7 @@ def load_demonstrations(preset: Preset, folder: Path | None, decisions: int, act
     """Load the demonstrations of a folder, or of one file, for a method; none for a method without.
 
     Raises mpm.InvalidValue where the method needs demonstrations and there are none, or the other way round, or a file
-    does not fit the task.
-    """
+    does not fit the task."""
     if folder is None:
         if preset.needs_demonstrations:
             raise mpm.InvalidValue("this method learns from demonstrations; give their folder as --demos")
@@ -114,8 +111,7 @@ def select_replayable(demonstrations: list[Demonstration], preset: Preset, start
     """Return the demonstrations without those that a replay could not begin at the episodes' start.
 
     A method that plays motions as they are (replay: all; residual: the first) needs those made for its start; raises
-    mpm.InvalidValue where none is left.
-    """
+    mpm.InvalidValue where none is left."""
     is_replay = preset.learner == "replay"
     played = demonstrations if is_replay else demonstrations[: int(preset.residual is not None)]
     elsewhere = [one.name for one in played if starts == "nominal" and not one.options["nominal"]]

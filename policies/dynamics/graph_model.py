@@ -27,8 +27,7 @@ OUT_OF_BOUNDS = 10.0
 class GraphModel:
     """A graph network, its units, and the rigid bodies of its scene.
 
-    surfaces: points of the tool and of the fixed bodies, as of `sample_surfaces`. floor: height [m] of the table.
-    """
+    surfaces: points of the tool and of the fixed bodies, as of `sample_surfaces`. floor: height [m] of the table."""
 
     def __init__(self, sizes: GraphSizes, rollouts: Rollouts, surfaces: tuple[np.ndarray, np.ndarray], floor: float,
                  seed: int) -> None:
@@ -83,8 +82,7 @@ class GraphModel:
     def make_example(self, k: int, t: int) -> tuple[Graph, torch.Tensor]:
         """Return graph and target (n, 3) of frame t of rollout k (padded), with noise on its history.
 
-        The noise is a random walk; the target corrects that of the last frame.
-        """
+        The noise is a random walk; the target corrects that of the last frame."""
         h = self.sizes.history
         history = self._grains[k][t - h : t + 1]
         noise = self._rng.normal(0.0, self.sizes.noise / np.sqrt(h), history.shape) * self.scales.spread
@@ -113,8 +111,7 @@ class GraphModel:
         """Return the grains' positions in the next frame [m], (n, 3).
 
         grains (history + 1, n, 3), tool (history + 1, m, 3): positions, the last of the present frame. tool_next
-        (m, 3): of the next frame.
-        """
+        (m, 3): of the next frame."""
         graph = make_graph(grains, tool, self.fixed, tool_next, self.scales, self.sizes, self.floor)
         with torch.no_grad():
             change = self.network(graph).double().numpy() * self.scales.spread + self.scales.mean
@@ -126,8 +123,7 @@ class GraphModel:
         """Yield the grains' positions [m] (n, 3) in each frame after the first.
 
         grains (n, 3): in the first frame, at rest. tool (frames, m, 3): the tool's points. Ends early where positions
-        leave OUT_OF_BOUNDS or are not finite.
-        """
+        leave OUT_OF_BOUNDS or are not finite."""
         history, tool_history = self._pad_history(grains[None].astype(float)), self._pad_history(tool)
         for t in range(len(tool) - 1):
             positions = self.predict_frame(history, tool_history[t : t + self.sizes.history + 1], tool[t + 1])
@@ -147,8 +143,7 @@ class GraphModel:
         """Return mean distances [m] between predicted and true positions on the test set.
 
         frame_m: after one frame. straight_on_m: the same of a prediction with constant displacement. end_m: at the end
-        of the rollout; None where a prediction leaves OUT_OF_BOUNDS.
-        """
+        of the rollout; None where a prediction leaves OUT_OF_BOUNDS."""
         frame, end, constant, h = [], [], [], self.sizes.history
         for k in self.test_set:
             grains, tool = self._grains[k], self._tools[k]

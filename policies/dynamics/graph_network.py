@@ -1,8 +1,7 @@
 """A graph network that predicts the motion of grains by message passing between neighbours.
 
 Rigid bodies take part as points on their surfaces, whose motion is prescribed. Source: Sanchez-Gonzalez et al. 2020;
-for scooping and pouring Tuomainen et al. 2022.
-"""
+for scooping and pouring Tuomainen et al. 2022."""
 
 from typing import Any, NamedTuple
 
@@ -90,8 +89,7 @@ def make_graph(grains: np.ndarray, moving: np.ndarray, fixed: np.ndarray, moving
     """Return the graph of one frame.
 
     grains (history + 1, n, 3), moving (history + 1, m, 3): positions [m], the last of the present frame. fixed (k, 3):
-    of fixed rigid points. moving_next (m, 3): of moving points in the next frame. floor: height [m] of the table.
-    """
+    of fixed rigid points. moving_next (m, 3): of moving points in the next frame. floor: height [m] of the table."""
     positions = np.concatenate([grains[-1], moving[-1], fixed])
     n, m, k = grains.shape[1], moving.shape[1], len(fixed)
     displacements = np.concatenate([np.diff(grains, axis=0), np.diff(moving, axis=0),

@@ -1,7 +1,6 @@
 """A replay buffer that mixes demonstrations into batches: all that makes an off-policy method demonstration-guided.
 
-Source: arXiv 2406.09178, Algorithm 3.
-"""
+Source: arXiv 2406.09178, Algorithm 3."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -25,8 +24,7 @@ class DemoReplayBuffer(ReplayBuffer):
     A fraction `demo_fraction` of each batch is demonstrations; the whole batch, while the agent has no transitions.
     Without demonstrations, batches are those of an ordinary buffer, drawn with the same random numbers. Transitions
     added within `demonstrating()` are demonstrations. Observations are arrays or, in a Dict space, dictionaries. Raises
-    mpm.InvalidValue for a demo_fraction outside 0 to 1.
-    """
+    mpm.InvalidValue for a demo_fraction outside 0 to 1."""
 
     def __init__(self, buffer_size: int, observation_space: spaces.Space, action_space: spaces.Space, *args: Any,
                  demo_size: int = 50_000, demo_fraction: float = 0.5, n_envs: int = 1, **options: Any) -> None:
@@ -52,8 +50,7 @@ class DemoReplayBuffer(ReplayBuffer):
     def add(self, *transitions: Any) -> None:
         """Add observations, next observations, actions, rewards, dones and infos, each with a leading index.
 
-        It is the agent's environments, one transition of each; of demonstrations as many as there are.
-        """
+        It is the agent's environments, one transition of each; of demonstrations as many as there are."""
         if self._target is self.own:
             self.own.add(*transitions)
             return
@@ -139,8 +136,7 @@ def restore(kind: Any, state: dict[str, Any], capacity: int) -> Any:
 def prefill_demo_buffer(model: Any, transitions: Iterable[Transition], updates: int) -> int:
     """Add transitions to a model's demonstrations, with `updates` gradient updates after each; all at once for none.
 
-    Returns the number of transitions. Source: arXiv 2406.09178, Algorithm 3, lines 2 to 11.
-    """
+    Returns the number of transitions. Source: arXiv 2406.09178, Algorithm 3, lines 2 to 11."""
     count = 0
     for part in ([step] for step in transitions) if updates else [list(transitions)]:
         with model.replay_buffer.demonstrating():

@@ -19,8 +19,7 @@ critics with 256 units and batches of 256 take 20 ms in place of 31, forward and
 class EnsembleLayer(nn.Module):
     """A layer of n networks: y = x W + b, its input their own or shared by all; initialised as `nn.Linear`.
 
-    fan_in: inputs that the initialisation counts, where the layer is a part of a wider one.
-    """
+    fan_in: inputs that the initialisation counts, where the layer is a part of a wider one."""
 
     def __init__(self, n: int, inputs: int, outputs: int, fan_in: int | None = None, bias: bool = True) -> None:
         super().__init__()
@@ -59,8 +58,7 @@ class CriticEnsemble(BaseModel):
 
     layer_norm: whether hidden layers are normalised (Ball et al. 2023). embed_actions: whether each critic embeds the
     action before it joins it to the observation: 3 numbers among 1000 leave little trace. images: options of
-    Stable-Baselines3's base class for observations that are images.
-    """
+    Stable-Baselines3's base class for observations that are images."""
 
     def __init__(self, observation_space: Any, action_space: Any, net_arch: list[int], features_extractor: Any,
                  features_dim: int, n_critics: int = 2, layer_norm: bool = False, embed_actions: bool = False,

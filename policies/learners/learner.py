@@ -35,8 +35,7 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
     """Build an untrained model.
 
     slices: parts of a flat observation by name, which encoders need. Raises mpm.InvalidValue for options that the
-    learner's class does not have, or parts of the preset that do not fit it.
-    """
+    learner's class does not have, or parts of the preset that do not fit it."""
     kind, options = learner_class(preset), dict(preset.options)
     policy_options = dict(options.pop("policy_kwargs", {}))
     is_dict = isinstance(env.observation_space, gymnasium.spaces.Dict)

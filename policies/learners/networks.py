@@ -15,8 +15,7 @@ class DelayedActorMixin:
     """Mixed into an actor-critic of Stable-Baselines3: a delayed, slower actor.
 
     The actor makes its first update after `actor_waits` decisions, with a learning rate `actor_rate` x the critics'.
-    An actor that starts from a good motion would otherwise follow critics that are still inaccurate.
-    """
+    An actor that starts from a good motion would otherwise follow critics that are still inaccurate."""
 
     actor_waits, actor_rate = 0, 1.0
     num_timesteps: int
@@ -42,8 +41,7 @@ def cut_out(observations: torch.Tensor, part: slice) -> torch.Tensor:
 class PartsEncoder(BaseFeaturesExtractor):
     """Embeds all grains in one layer and the rest of the observation in another, and joins them.
 
-    slices: parts of the flat observation; "particles" holds the grains.
-    """
+    slices: parts of the flat observation; "particles" holds the grains."""
 
     def __init__(self, space: gymnasium.Space, slices: dict[str, slice], width: int = WIDTH) -> None:
         assert space.shape is not None
@@ -61,8 +59,7 @@ class PartsEncoder(BaseFeaturesExtractor):
 class SetEncoder(BaseFeaturesExtractor):
     """A network applied to every grain, pooled over the grains, joined with the rest of the observation.
 
-    slices: parts of the flat observation; "particles" holds positions and velocities, 6 numbers a grain.
-    """
+    slices: parts of the flat observation; "particles" holds positions and velocities, 6 numbers a grain."""
 
     POOLS = 1
     """Pooled values per feature."""
@@ -93,8 +90,7 @@ class PointNet(SetEncoder):
 class DeepSets(SetEncoder):
     """Mean and maximum of every feature, with positions relative to the tool (Zaheer et al. 2017).
 
-    A maximum alone does not depend on the number of grains, which is what the reward counts.
-    """
+    A maximum alone does not depend on the number of grains, which is what the reward counts."""
 
     POOLS = 2
 

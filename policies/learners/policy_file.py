@@ -15,8 +15,7 @@ ACTIVATIONS = {nn.ReLU: "relu", nn.Tanh: "tanh"}
 def deterministic_layers(policy: Any) -> tuple[list[nn.Module], str] | None:
     """Return the layers from a flat observation to the deterministic action, and how the action is bounded.
 
-    The bound is "tanh" or "clip". None for a policy that is not a chain of layers.
-    """
+    The bound is "tanh" or "clip". None for a policy that is not a chain of layers."""
     extractor = getattr(policy, "features_extractor", None) or getattr(policy.actor, "features_extractor", None)
     if type(extractor).__name__ != "FlattenExtractor":
         return None
@@ -31,8 +30,7 @@ def export_policy(policy: Any, path: Path, units: tuple[np.ndarray, np.ndarray] 
     """Write a policy of Stable-Baselines3 and metadata to a .npz file; return whether it can be written so.
 
     units: offset and factor (n,) each, of a policy whose input is (observation - offset) * factor; the file's first
-    layer takes the observation itself.
-    """
+    layer takes the observation itself."""
     chain = deterministic_layers(policy)
     if chain is None or any(type(layer) not in (nn.Linear, *ACTIVATIONS) for layer in chain[0]):
         return False

@@ -1,7 +1,6 @@
 """Soft actor-critic with an ensemble of critics, whose actor may imitate the episode with the largest return so far.
 
-Source of that idea: Oh et al. 2018, Self-Imitation Learning.
-"""
+Source of that idea: Oh et al. 2018, Self-Imitation Learning."""
 
 from itertools import product
 from typing import Any
@@ -60,8 +59,7 @@ class EnsembleSAC(SAC):
     the target (Chen et al. 2021); the actor then follows the mean of all critics. None: the minimum of all, for both.
     actor_every: updates of the critics for one of the actor and the temperature. imitation: weight of the actor's
     distance from the actions of the best episode so far, a demonstration at first, in units of the mean value;
-    imitation_growth: its factor at the end of the run, which it reaches geometrically.
-    """
+    imitation_growth: its factor at the end of the run, which it reaches geometrically."""
 
     subset: int | None = None
     actor_every = 1

@@ -46,8 +46,7 @@ class SB3VecEnv(VecEnv):
         """Step; returns observations (n, ...), rewards (n,), dones (n,) and infos.
 
         The info of an episode that is done is that of its last step, with its last observation as
-        "terminal_observation".
-        """
+        "terminal_observation"."""
         observations, rewards, terminated, truncated, infos = self.vector.step(self._actions)
         dones = terminated | truncated
         rows = []

@@ -18,8 +18,7 @@ class ScaledObservation(gymnasium.ObservationWrapper):
     """Flat observations of a sub-task in units of the task.
 
     Positions relative to the goal in decimetres, velocities in units of the tool's top speed, time from -1 to 1. Parts
-    of other kinds are left unchanged. grains_as_one: whether the columns of n grains are divided by sqrt(n).
-    """
+    of other kinds are left unchanged. grains_as_one: whether the columns of n grains are divided by sqrt(n)."""
 
     def __init__(self, env: gymnasium.Env, layout: str, grains_as_one: bool = False) -> None:
         super().__init__(env)
@@ -71,8 +70,7 @@ class ResidualActionWrapper(gymnasium.ActionWrapper):
     Source: residual policies, Silver et al. 2018.
 
     Each decision costs `cost` x the mean square of its action: in states that the critics have not visited, the
-    recorded motion is to be preferred.
-    """
+    recorded motion is to be preferred."""
 
     def __init__(self, env: gymnasium.Env, motion: np.ndarray, share: float, cost: float = 0.0) -> None:
         super().__init__(env)
@@ -99,8 +97,7 @@ def zero_residual(model: Any, learner: str) -> None:
     """Initialise a policy to make no correction, with small noise.
 
     With the usual initialisation the first episodes would leave the motion that is to be corrected, and the critics
-    would learn from these alone. Raises mpm.InvalidValue for a policy without a state-dependent standard deviation.
-    """
+    would learn from these alone. Raises mpm.InvalidValue for a policy without a state-dependent standard deviation."""
     actor = getattr(model, "actor", None)
     if actor is None or not isinstance(getattr(actor, "log_std", None), nn.Linear):
         raise mpm.InvalidValue(f"residual with learner {learner}; accepted: SAC, TQC or CrossQ, without use_sde")

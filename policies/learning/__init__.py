@@ -1,4 +1,3 @@
 """What a run of learning is set up from: presets, task names, environments, episodes.
 
-Imports: robosim, mpm.
-"""
+Imports: robosim, mpm."""

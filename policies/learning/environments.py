@@ -14,8 +14,7 @@ from robosim.episode.play import play, read_scores
 def environment_id(task: str) -> tuple[str, dict[str, str]]:
     """Return the id in Gymnasium of a bundled sub-task ("SpoonPour") or of a task's .yaml file, and its own options.
 
-    Raises robosim.ConfigError where the task does not exist.
-    """
+    Raises robosim.ConfigError where the task does not exist."""
     check_task(task)
     return ("robosim/Task-v0", {"task": task}) if is_task_file(task) else (f"robosim/{task_name(task)}-v0", {})
 
@@ -24,8 +23,7 @@ def make_environment(task: str, **options: Any) -> gymnasium.Env:
     """Make the environment of a bundled sub-task or of a task's .yaml file.
 
     options: keyword arguments of `robosim.envs.grain_env.GrainEnv`; material=None is the task's own material. Raises
-    robosim.ConfigError for a task that does not exist, mpm.InvalidValue for an option that does not fit it.
-    """
+    robosim.ConfigError for a task that does not exist, mpm.InvalidValue for an option that does not fit it."""
     name, own = environment_id(task)
     given = {key: value for key, value in options.items() if key != "material" or value is not None}
     return _make(task, f"robosim:{name}", **own, **given)
@@ -34,8 +32,7 @@ def make_environment(task: str, **options: Any) -> gymnasium.Env:
 def make_training_environment(task: str, obs: str, action_repeat: int, **options: Any) -> gymnasium.Env:
     """Make the environment of a sub-task, or the one that Gymnasium registers under another id ("Pendulum-v1").
 
-    obs, action_repeat and options apply to robosim's environments only. Raises as `make_environment` does.
-    """
+    obs, action_repeat and options apply to robosim's environments only. Raises as `make_environment` does."""
     return _make(task, task) if is_foreign(task) else \
         make_environment(task, obs=obs, action_repeat=action_repeat, **options)
 
@@ -74,6 +71,5 @@ def field_digest(env: Any) -> str:
 def score_motion(env: gymnasium.Env, actions: np.ndarray, **reset: Any) -> dict[str, float]:
     """Return score, success and readings of a sub-task's episode with actions (decisions, dimensions).
 
-    reset: seed and options of the reset.
-    """
+    reset: seed and options of the reset."""
     return read_scores(play(env, np.asarray(actions, np.float32), **reset)[1])

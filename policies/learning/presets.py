@@ -114,8 +114,7 @@ class GraphSizes(Table):
 class Preset(Table):
     """A method of learning: a learner and its settings.
 
-    Raises pydantic.ValidationError for settings that do not fit each other.
-    """
+    Raises pydantic.ValidationError for settings that do not fit each other."""
 
     description: Text
     learner: Learner

@@ -1,8 +1,7 @@
 """CMA-ES on a smooth motion whose outcome a graph network predicts.
 
 The best motion of each generation is played in the simulator. Source: the baseline that arXiv 2406.09178 takes from
-Tuomainen et al. 2022.
-"""
+Tuomainen et al. 2022."""
 
 import math
 import pickle
@@ -47,8 +46,7 @@ def plan(training: Training) -> None:
 def search_with(training: Training, model: GraphModel, stored_search: bytes | None) -> None:
     """Evaluate each generation in the model and play its best motion in the simulator, until the run is over.
 
-    stored_search: pickle of the search of a checkpoint.
-    """
+    stored_search: pickle of the search of a checkpoint."""
     env = training.base.unwrapped
     env.reset(seed=0, options={"nominal": True})
     grains, start = grain_positions(env).astype(float), env.solver.collider_pose(0)

@@ -45,8 +45,7 @@ class Method(Protocol):
 
     To add a method: (1) add its learner to `policies.learning.presets.Learner`, and to IMITATION or SEARCH there if it
     takes demonstrations; (2) add its function to METHODS below; (3) write configs/training/<method>.yaml with
-    `description`, `learner` and `options`. Then `robosim train <method> TASK --out DIR` runs it.
-    """
+    `description`, `learner` and `options`. Then `robosim train <method> TASK --out DIR` runs it."""
 
     def __call__(self, training: Training, /) -> None:
         """Run until `training.is_over`."""

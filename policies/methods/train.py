@@ -19,8 +19,7 @@ def train(method: str, task: str, out: Path, options: TrainingOptions, *, episod
     """Run a method in a folder to its end; return 0. A finished run is not repeated.
 
     episodes, obs: instead of the preset's. settings: in place of values of the method's file. Raises ConfigError for a
-    wrong method or setting, mpm.InvalidValue for a missing package, or options that do not fit.
-    """
+    wrong method or setting, mpm.InvalidValue for a missing package, or options that do not fit."""
     check_installed()
     check_at_least(1, {} if episodes is None else {"--episodes": episodes})
     given = {key: value for key, value in (("episodes", episodes), ("obs", obs)) if value is not None}

@@ -1,4 +1,3 @@
 """Tables of runs, with published numbers for comparison.
 
-Imports: learning, robosim, mpm.
-"""
+Imports: learning, robosim, mpm."""

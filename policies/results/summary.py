@@ -43,8 +43,7 @@ def name_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Return the line of the tables that each run belongs to.
 
     It is the run's method and its own value of each setting in which the method's runs differ: runs of different
-    settings are not pooled.
-    """
+    settings are not pooled."""
     values: dict[tuple[str, str], set] = defaultdict(set)
     for row in rows:
         for key in SETTINGS:
@@ -68,8 +67,7 @@ def summarise(values: list[float], rng: np.random.Generator) -> dict[str, float]
     """Return number, mean, standard deviation, interquartile mean and its 95 % interval.
 
     The deviation is that of a sample, 0 for one value. The interval is that of a bootstrap (Agarwal et al. 2021); of
-    two or three values it is the smallest and the largest.
-    """
+    two or three values it is the smallest and the largest."""
     data = np.array(values)
     resampled = [interquartile_mean(rng.choice(data, len(data))) for _ in range(RESAMPLES)] if len(data) > 1 else \
         [interquartile_mean(data)]

@@ -1,8 +1,7 @@
 """Checkpoints: a run that continues from one ends with the same bits as one that was never interrupted.
 
 They hold pickles, as Stable-Baselines3's own files do, and a pickle executes code: load your own only. Files to share
-are written by `policies.learners.policy_file`.
-"""
+are written by `policies.learners.policy_file`."""
 
 import io
 import pickle
@@ -46,8 +45,7 @@ def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
     """Return the model, of class `kind` (None: no model was stored), in an environment, and the other parts.
 
     Random numbers continue only once `restore_random_state` is called with the parts. Raises mpm.InvalidValue for a
-    file that is damaged, too large, or of other versions of its packages.
-    """
+    file that is damaged, too large, or of other versions of its packages."""
     try:
         with zipfile.ZipFile(path) as archive:  # what its directory promises is checked before it is read
             size = sum(member.file_size for member in archive.infolist())
@@ -78,8 +76,7 @@ def restore_random_state(state: dict[str, Any], model: Any = None) -> None:
 class Checkpoints:
     """The last checkpoint of a run, kept in memory until it is due, so that an interrupt loses an episode at most.
 
-    every: episodes from one checkpoint on the disk to the next.
-    """
+    every: episodes from one checkpoint on the disk to the next."""
 
     def __init__(self, path: Path, every: int) -> None:
         self._path, self._every, self.stored = path, every, 0

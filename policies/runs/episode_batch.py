@@ -24,8 +24,7 @@ class EpisodeBatch(SB3VecEnv):
 
     task, options: of the environments. single: one of them, alone, as the policy sees it: its observations may be
     scaled. reset_options: of every reset. on_end: called with every finished Episode. most: episodes of the run; what
-    goes beyond is simulated, as all environments step together, but not reported.
-    """
+    goes beyond is simulated, as all environments step together, but not reported."""
 
     is_resumable = True
     """At any decision: a checkpoint has the running episodes, too."""

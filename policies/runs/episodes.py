@@ -19,8 +19,7 @@ class Episode(NamedTuple):
 
 def start_seed(seed: int, episode: int) -> int:
     """Return the seed of an episode's start: it depends on the run's seed and the episode's number only, so that a
-    resumed run has the same starts.
-    """
+    resumed run has the same starts."""
     return int(np.random.SeedSequence([seed, episode]).generate_state(1)[0])
 
 
@@ -56,8 +55,7 @@ class EpisodeRecord:
 class Episodes(gymnasium.Wrapper):
     """Seeds and reports the episodes of a run.
 
-    options: of every reset. on_end: called with every finished Episode, before the next one starts.
-    """
+    options: of every reset. on_end: called with every finished Episode, before the next one starts."""
 
     def __init__(self, env: gymnasium.Env, seed: int, options: dict[str, Any] | None,
                  on_end: Callable[[Episode], None]) -> None:

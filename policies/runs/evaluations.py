@@ -29,8 +29,7 @@ class Evaluations:
 
     Nothing of the run depends on it: neither random numbers nor episodes. env: without what counts the run's episodes.
     folder: of the run, whose evaluations.csv has a row each. every: episodes between two. options: of every reset; the
-    task's own start needs one episode. is_running: whether the run's episodes are in `env`, too.
-    """
+    task's own start needs one episode. is_running: whether the run's episodes are in `env`, too."""
 
     def __init__(self, env: gymnasium.Env, folder: Path, every: int, options: dict[str, Any] | None,
                  is_running: bool = True) -> None:

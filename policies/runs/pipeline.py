@@ -1,8 +1,7 @@
 """The pipeline from nothing to the whole arm's motion, a command after the other.
 
 Demonstrations and training of every sub-task, the learned sub-tasks in sequence, and the whole arm, each in a folder of
-its own. Source: arXiv 2406.09178, Algorithm 1.
-"""
+its own. Source: arXiv 2406.09178, Algorithm 1."""
 
 import argparse
 import shutil
@@ -55,8 +54,7 @@ class Pipeline:
     """Runs the stages of a pipeline that are not finished; pipeline.json has the state of each.
 
     options: of `robosim pipeline`. Raises mpm.InvalidValue for a wrong option, or a folder that holds a pipeline with
-    other options.
-    """
+    other options."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         check_installed()  # before the first demonstrations, which need less
@@ -160,8 +158,7 @@ class Pipeline:
     def _run_stage(self, name: str, arguments: list[str]) -> bool:
         """Run a command unless the same one is finished; return whether it is finished now.
 
-        Its output is appended to a file of logs/. Stages that use its result are no longer finished.
-        """
+        Its output is appended to a file of logs/. Stages that use its result are no longer finished."""
         stage = self.stages.get(name)
         if self._is_stopped:
             return False

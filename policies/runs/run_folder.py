@@ -1,8 +1,7 @@
 """The folder of a run.
 
 manifest.json says what the run is, status.json how far it has come; episodes.csv has its episodes, best.npz the actions
-of the best one, checkpoint.zip its last checkpoint.
-"""
+of the best one, checkpoint.zip its last checkpoint."""
 
 import json
 import platform
@@ -30,8 +29,7 @@ LAST = 10
 class RunFolder:
     """The files of one run; its lock keeps other processes out until `close`.
 
-    Raises mpm.InvalidValue where the folder holds another run, unless `force`.
-    """
+    Raises mpm.InvalidValue where the folder holds another run, unless `force`."""
 
     def __init__(self, path: Path, manifest: dict[str, Any], force: bool = False) -> None:
         self.path, self.best_return = path, -np.inf

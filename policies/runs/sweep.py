@@ -29,8 +29,7 @@ def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = Fa
 
     jobs: processes at a time. launcher: what runs them elsewhere, with `configure` and `run`; None: here. dry_run: only
     print the runs. settings: in place of values of the file. Raises robosim.ConfigError for a wrong file,
-    mpm.InvalidValue for jobs below 1.
-    """
+    mpm.InvalidValue for jobs below 1."""
     check_at_least(1, {"--jobs": jobs})
     file = load_sweep(path, settings)
     runs = plan_runs(file)
@@ -58,8 +57,7 @@ def run_queue(runs: list[SweepRun], jobs: int, total: int) -> list[tuple[SweepRu
     """Run all of them, `jobs` at a time; return those that failed, with the reason.
 
     Runs that another process has locked, as one that a killed sweep has left, are waited for. total: number of runs of
-    the sweep, for the progress bar. On an exception, such as Ctrl-C, the processes are interrupted.
-    """
+    the sweep, for the progress bar. On an exception, such as Ctrl-C, the processes are interrupted."""
     waiting, active, failed = list(runs), [], []
     progress = Progress(initial=total - len(runs), total=total, desc="sweep", unit="runs")
     try:

@@ -46,8 +46,7 @@ MAX_BUFFER = 16 * 2**30
 class Training:
     """One run in one folder. A method (`policies.methods.method.Method`) brings it to its end.
 
-    Raises mpm.InvalidValue for arguments that do not fit each other, or a folder that holds another run.
-    """
+    Raises mpm.InvalidValue for arguments that do not fit each other, or a folder that holds another run."""
 
     def __init__(self, method: str, preset: Preset, task: str, out: Path, options: TrainingOptions) -> None:
         self.preset, self.options = preset, options
@@ -186,8 +185,7 @@ class Training:
     def stop(self, error: BaseException) -> str:
         """Write the last checkpoint and the status after what ended the run; return what the same command will do.
 
-        What a full disk does not take is reported on stderr.
-        """
+        What a full disk does not take is reported on stderr."""
         self.progress.close()
         is_resumed = self.env.count > 0 or not self.folder.checkpoint.is_file()
         write_status = self.folder.write_status if is_resumed else self.folder.update_status
@@ -202,8 +200,7 @@ class Training:
     def evaluate(self, policy: Any) -> None:
         """Evaluate the policy where that is due, and write it to best_policy.npz if it is the best so far.
 
-        Raises SaturatedActor.
-        """
+        Raises SaturatedActor."""
         if self.evaluations is None or not self.evaluations.is_due(self.env.count, self.is_over):
             return
         # a correction is no policy without its motion
@@ -223,8 +220,7 @@ class Training:
         """Run a learner of Stable-Baselines3 to the run's end; the method of most presets.
 
         venv: the vectorized environment, by default of `agent_env` alone. callback: one of Stable-Baselines3 whose
-        `state()` is part of checkpoints, from which `load` restores it.
-        """
+        `state()` is part of checkpoints, from which `load` restores it."""
         if venv is None:
             venv = self.env if self.n_envs > 1 else DummyVecEnv([lambda: self.agent_env])
         if self.folder.checkpoint.is_file():

@@ -56,8 +56,7 @@ def append(path: Path, data: bytes) -> None:
 def write_status(folder: Path, state: str, **more: object) -> None:
     """Write status.json: "running", "finished", "interrupted" or "failed", this process's id, and more.
 
-    A status that cannot be written is removed, because the earlier one no longer holds; then raises OSError.
-    """
+    A status that cannot be written is removed, because the earlier one no longer holds; then raises OSError."""
     path = folder / STATUS
     try:
         write_json(path, {"state": state, "process": os.getpid(), **more})

@@ -1,7 +1,6 @@
 """Files that others wrote: text, JSON and YAML, read within bounds on size and nesting.
 
-What a file says about itself (lengths, shapes, references) is compared with what is there before memory is taken.
-"""
+What a file says about itself (lengths, shapes, references) is compared with what is there before memory is taken."""
 
 import json
 import math
@@ -79,8 +78,7 @@ def check_form(value: Any, form: Any, name: str = "file") -> None:
     """Raise InvalidValue unless a value of a JSON file has a form.
 
     form: float, int, str, bool or object (anything); [form] of a list; {key: form} of a table that has at least these
-    keys, {str: form} of one with any keys; (form, None) of what may be null, (form, ...) of what may be missing.
-    """
+    keys, {str: form} of one with any keys; (form, None) of what may be null, (form, ...) of what may be missing."""
     if isinstance(form, tuple):
         if value is not None or None not in form:
             check_form(value, form[0], name)
@@ -125,8 +123,7 @@ def _has_type(value: Any, kind: Any) -> bool:
 class StrictComposer:
     """To be put in front of a loader of PyYAML: refuses duplicate keys, deep nesting, and aliases that multiply.
 
-    Raises InvalidValue, with the line.
-    """
+    Raises InvalidValue, with the line."""
 
     _depth = _count = 0
 

@@ -1,8 +1,7 @@
 """Commands in processes of their own, each pinned to a core, so that they do not disturb each other's times.
 
 A command is arguments of `python -m`, and the file that its output is appended to. `run_here` runs them on this
-machine; a `Launcher` on others.
-"""
+machine; a `Launcher` on others."""
 
 import contextlib
 import ctypes
@@ -44,16 +43,14 @@ class Launcher(Protocol):
         """Submit commands and yield each as it ends.
 
         folder: of what the cluster writes. resumes: whether a command that is cut off by its time limit continues where
-        it stopped; others fail then. Raises ConfigError where they cannot be submitted.
-        """
+        it stopped; others fail then. Raises ConfigError where they cannot be submitted."""
         ...
 
 
 def run_here(commands: Sequence[Command], processes: int) -> Generator[Ended, None, None]:
     """Run commands, as many at a time as there are processes, and yield each as it ends.
 
-    Processes that run when the caller leaves are killed.
-    """
+    Processes that run when the caller leaves are killed."""
     waiting, running = list(enumerate(commands)), {}
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
     try:
@@ -87,8 +84,7 @@ def start_command(arguments: Sequence[str], log: IO[Any]) -> subprocess.Popen:
     """Start `robosim` with one thread for arrays; stdout and stderr go to a log.
 
     A Ctrl-C does not reach it: it is to be ended by SIGTERM, which, unlike SIGINT, the processes of a shell's
-    background job do not ignore.
-    """
+    background job do not ignore."""
     return subprocess.Popen([sys.executable, "-m", "robosim", *arguments], stdout=log, stderr=log,
                             env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
 
@@ -117,8 +113,7 @@ def read_end(path: Path) -> list[str]:
 def worker_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of `jobs` processes, spawned because a forked one could not use a GPU.
 
-    On an exception, such as Ctrl-C, the workers are stopped at once.
-    """
+    On an exception, such as Ctrl-C, the workers are stopped at once."""
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_start_worker,
                                initargs=(os.getpid(),))
     try:
@@ -141,8 +136,7 @@ def end_with(parent: int) -> None:
     """Have the kernel kill this process when its parent ends (Linux only).
 
     Otherwise the processes of a killed command would go on: they would disturb times that are measured on their cores,
-    and write to a folder whose lock is free.
-    """
+    and write to a folder whose lock is free."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() != parent:  # it ended before the call above

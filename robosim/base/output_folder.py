@@ -37,8 +37,7 @@ class OutputFolder:
     """The folder given as `--out`, checked before any work and kept from other processes as long as this lives.
 
     In a `with` statement status.json says how far the work has come: "running", then "finished", "interrupted" or
-    "failed". Raises ConfigError where the folder cannot be written or another process is at work there.
-    """
+    "failed". Raises ConfigError where the folder cannot be written or another process is at work there."""
 
     def __init__(self, path: Path) -> None:
         self.path, self._status = path, contextlib.ExitStack()

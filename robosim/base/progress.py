@@ -20,8 +20,7 @@ class Progress(tqdm):
     """A bar of tqdm on stderr; where that is no terminal, a line every LINE_INTERVAL seconds, and one at the end.
 
     total: of the work. unit: of its parts, in the plural. decimals: of both, where they are no whole numbers. The other
-    arguments are those of tqdm.
-    """
+    arguments are those of tqdm."""
 
     def __init__(self, work: Iterable[Any] | None = None, *, total: float | None = None, desc: str = "progress",
                  unit: str = "", decimals: int = 0, **options: Any) -> None:

@@ -2,8 +2,7 @@
 
 A row is kept as soon as its job ends, in a folder that another call continues: what is there, of the same arguments and
 code, is not run again. A job that crashes costs its own row, and says why. Each job is a process of its own, pinned to
-a core here, or a job of a cluster: `python -m robosim.base.study FILE` runs the job that is written in FILE.
-"""
+a core here, or a job of a cluster: `python -m robosim.base.study FILE` runs the job that is written in FILE."""
 
 import contextlib
 import json
@@ -96,8 +95,7 @@ class Store:
 class Study:
     """Runs jobs and keeps their rows in `folder`/rows; without a folder nothing is kept.
 
-    processes: jobs at a time, here. launcher: runs them elsewhere.
-    """
+    processes: jobs at a time, here. launcher: runs them elsewhere."""
 
     def __init__(self, folder: Path | None, processes: int = 1, launcher: Launcher | None = None) -> None:
         self._temporary = tempfile.TemporaryDirectory(prefix="study_") if folder is None else None

@@ -22,8 +22,7 @@ class Cell:
 
     q: joint angles at the start (n,) [rad]. containers: names of the containers' bodies. gains: of the servo; None: the
     arm's own. stand: world pose of a tool that the hand does not hold yet. Raises ConfigError for a time step that is
-    too long for the gains.
-    """
+    too long for the gains."""
 
     def __init__(self, scene: Scene, arm: Arm, q: np.ndarray, containers: Collection[str], *,
                  gains: Gains | None = None, stand: mpm.Pose | None = None) -> None:

@@ -38,8 +38,7 @@ class RobotState(NamedTuple):
 class MotionDriver:
     """Commands a motion of the joints, planned or recorded, after the fingers have closed.
 
-    start: simulated time [s] at which the motion begins. latency: by which commands arrive late [s].
-    """
+    start: simulated time [s] at which the motion begins. latency: by which commands arrive late [s]."""
 
     name = "plan"
     is_own = False
@@ -80,8 +79,7 @@ class OwnDriver(MotionDriver):
     own: a function of a `RobotState`, or an object with such a method `command`, and with a `duration` [s] where it is
     not that of the plan. It is called in every step from the motion's start on, and returns joint angles (n,) [rad] or
     a `JointState`. read: returns the robot's state, given the motion's time [s] and its command. dt: of a step [s].
-    Raises ConfigError for what cannot be called.
-    """
+    Raises ConfigError for what cannot be called."""
 
     is_own = True
 

@@ -56,8 +56,7 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 when all is well, 1 for a run that failed, 2 for wrong input, 128 + n for signal n.
 
-    Ctrl-C, SIGTERM and SIGHUP end a command alike: it raises KeyboardInterrupt, whose argument is the signal's name.
-    """
+    Ctrl-C, SIGTERM and SIGHUP end a command alike: it raises KeyboardInterrupt, whose argument is the signal's name."""
     with interrupts() as received:
         try:
             return run_command(arguments)
@@ -76,8 +75,7 @@ def interrupts() -> Iterator[list[int]]:
     """Raise KeyboardInterrupt on each of SIGNALS that is not ignored or handled by others; give those received.
 
     It is raised again every REPEAT seconds unless it is being handled: a bare `except` of a library, or a finalizer,
-    may have discarded it.
-    """
+    may have discarded it."""
     received: list[int] = []
 
     def interrupt(number: int, frame: object) -> None:

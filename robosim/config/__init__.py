@@ -1,4 +1,3 @@
 """Configuration files: schema, loader, resources, and output that is written atomically.
 
-Imports: base, mpm.
-"""
+Imports: base, mpm."""

@@ -1,7 +1,6 @@
 """Tables of configuration files and their loading.
 
-Errors name the file or setting, the key, the value and what is accepted.
-"""
+Errors name the file or setting, the key, the value and what is accepted."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -67,8 +66,7 @@ def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: 
     """Read a YAML file into a configuration, with settings and then overrides of its top keys in place of its values.
 
     Paths in the file are relative to it, those in settings and overrides to the working directory. Raises ConfigError
-    with file or setting, key, value and what is accepted.
-    """
+    with file or setting, key, value and what is accepted."""
     data = locate_paths(read(path), path.parent)
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: holds {type(data).__name__}; accepted: a table of {', '.join(kind.model_fields)}")

@@ -18,8 +18,7 @@ GRAIN_SHAPE = trimesh.creation.icosahedron()
 def write_frame(recording: Recording, time: float, out: Path) -> float:
     """Write the frame nearest to a time [s] as a .glb file; return the frame's time [s].
 
-    Raises ConfigError for a recording without frames.
-    """
+    Raises ConfigError for a recording without frames."""
     n = len(recording)
     if not n:
         raise ConfigError(f"{recording.path}: has no frames")

@@ -46,8 +46,7 @@ def read_joint_log(path: Path, joints: Sequence[str], base: str = "world") -> Jo
     A CSV file has columns time_s, q_JOINT_rad, and for a wrench wrist_fx_N .. wrist_tz_Nm in the world's axes or
     sensor_fx_N .. in the sensor's: as `trajectory.csv` of a rehearsal. A bag of ROS 1 or 2 has messages JointState and
     WrenchStamped; a wrench in the frame `world` or `base` is in the world's axes, since arms stand unturned.
-    Raises ConfigError for a file without them, or with times that do not increase or have a gap.
-    """
+    Raises ConfigError for a file without them, or with times that do not increase or have a gap."""
     if not path.exists():
         raise ConfigError(f"{path}: does not exist; accepted: a .csv file, or a bag of ROS")
     is_csv = path.suffix.lower() == ".csv"

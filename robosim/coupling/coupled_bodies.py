@@ -17,8 +17,7 @@ class CoupledBodies:
 
     bodies: body name -> index of its collider, or None for a new collider made of the body's geoms. is_mobile: whether
     contact moves the bodies within a substep ("mobility"). New and changed colliders are handed to the solver. Raises
-    ConfigError for bodies that lie outside the grid, or whose geoms make no collider.
-    """
+    ConfigError for bodies that lie outside the grid, or whose geoms make no collider."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver, bodies: dict[str, int | None],
                  is_mobile: bool) -> None:

@@ -21,8 +21,7 @@ def make_collider(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: f
 
     Colliding geoms count, or all geoms if none collides: visual geoms are left out. excluded: bodies with colliders of
     their own. cell: the grid's spacing [m], to which meshes are sampled. Friction is the largest sliding friction of
-    the geoms. A body fixed to the world becomes a static collider. Raises ConfigError for what makes no collider.
-    """
+    the geoms. A body fixed to the world becomes a static collider. Raises ConfigError for what makes no collider."""
     parts_of_body = [b for b in range(model.nbody) if b == body or _is_fixed_to(model, b, body, excluded - {body})]
     geoms = np.flatnonzero(np.isin(model.geom_bodyid, parts_of_body))
     colliding = geoms[(model.geom_contype[geoms] | model.geom_conaffinity[geoms]) != 0]

@@ -36,8 +36,7 @@ class MobilityProbe:
         Returns the bodies' twists at its start (B, 6), linear [m/s] and angular [rad/s]; those at its end without any
         impulse of the grains (B, 6); and the change of the twists at its end by impulses on the bodies (6 B, 6 B), all
         in world axes about their centres of mass. The scene is left in the state after `TrialStep.begin`. Raises
-        RobotDiverged for a response that is not finite.
-        """
+        RobotDiverged for a response that is not finite."""
         n, h = len(self.trial.bodies), self.model.opt.timestep
         twists, jacobian = self.trial.twists(), self.trial.jacobian()
         responses = self._probe_joint_velocities(wrenches)
@@ -82,8 +81,7 @@ class MobilityProbe:
 
         poses: index among the trial's bodies -> world pose. The displacement is one that impulses on these bodies would
         cause, so constraints hold and connected bodies follow. MuJoCo moves a body over the whole step with the
-        velocity at its end, whenever in the step an impulse acted; the solver knows the true end.
-        """
+        velocity at its end, whenever in the step an impulse acted; the solver knows the true end."""
         data, offset, rows = self.data, [], [6 * i + k for i in poses for k in range(6)]
         for i, pose in poses.items():
             body, R = self.trial.bodies[i], pose.matrix
@@ -118,8 +116,7 @@ def project_mobility(W: np.ndarray) -> np.ndarray:
     """Return the symmetric, positive semi-definite part of a probed mobility (k, k).
 
     Where dry friction is at its limit one probe sticks and the next slides, and their responses are inconsistent; the
-    step is then repeated if MuJoCo's motion differs from this part's.
-    """
+    step is then repeated if MuJoCo's motion differs from this part's."""
     W = 0.5 * (W + W.T)
     try:
         np.linalg.cholesky(W)  # a fifth of the cost of the eigenvalues

@@ -45,8 +45,7 @@ class GranularPlugin:
     - tolerance: for "mobility". A step is rolled back and repeated if MuJoCo's velocities differ from the prediction by
       more than this fraction of the change of velocity by the grains, as when a grasp slips; None: never repeated.
 
-    Raises UnknownName or ConfigError for bodies, colliders or a time step that cannot be coupled.
-    """
+    Raises UnknownName or ConfigError for bodies, colliders or a time step that cannot be coupled."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver, *,
                  bodies: dict[str, int | None], coupling: Coupling = "mobility",
@@ -110,8 +109,7 @@ class GranularPlugin:
         6. Close the momentum ledger; check grid and state.
 
         Raises RobotDiverged where MuJoCo's state is bad or a body is too fast, and the solver's errors. Warns with
-        BodyLeftGrid.
-        """
+        BodyLeftGrid."""
         self._trial.begin()
         momentum = self.solver.momentum_after_advance()
         self._move_driven_bodies()
@@ -167,8 +165,7 @@ class GranularPlugin:
         """Return the mean wrench [N], [N m] of the grains on a body in the last step.
 
         In world axes about the body's centre of mass; with "one_way" zero for bodies that move by joints. Raises
-        UnknownName for a body that is not coupled.
-        """
+        UnknownName for a body that is not coupled."""
         bodies = self._bodies
         if body not in bodies.colliders:
             raise UnknownName("coupled body", body, bodies.colliders)
@@ -181,8 +178,7 @@ class GranularPlugin:
     def view(self, **options: Any) -> "LiveView":
         """Show the scene in a browser; call `update` of what is returned after every step, and `close` at the end.
 
-        options: of `robosim.recordings.live.LiveView`, such as port and out. The page is at `address`.
-        """
+        options: of `robosim.recordings.live.LiveView`, such as port and out. The page is at `address`."""
         from robosim.recordings.live import LiveView
 
         body = next(iter(self._bodies.colliders), "")

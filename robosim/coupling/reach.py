@@ -22,8 +22,7 @@ class Reach:
     """The clearance of the bodies that MuJoCo moves from all grains, measured anew only when it may have been spent.
 
     A clearance changes by what the body has moved since, which poses tell, and by what the fastest grain has travelled.
-    park: leaves the bodies' colliders in the solver where the bodies are, at rest, while none is in reach.
-    """
+    park: leaves the bodies' colliders in the solver where the bodies are, at rest, while none is in reach."""
 
     def __init__(self, trial: TrialStep, solver: mpm.Solver, bodies: CoupledBodies, park: Callable[[], None]) -> None:
         self._trial, self._solver, self._bodies, self._park = trial, solver, bodies, park

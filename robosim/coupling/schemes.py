@@ -48,8 +48,7 @@ class MobilityScheme(ExplicitScheme):
     """Prediction of the bodies' free motion and mobility.
 
     The solver solves contact and the bodies' motion together. tolerance: share of a body's change of velocity by grains
-    by which MuJoCo's step may differ from the solver's solution before the step is repeated; None: never.
-    """
+    by which MuJoCo's step may differ from the solver's solution before the step is repeated; None: never."""
 
     def __init__(self, trial: TrialStep, solver: mpm.Solver, bodies: CoupledBodies, tolerance: float | None) -> None:
         super().__init__(trial, solver, bodies)
@@ -81,8 +80,7 @@ class MobilityScheme(ExplicitScheme):
     def is_accepted(self, wrenches: np.ndarray) -> bool:
         """Measure `error` after MuJoCo's step; compare it with the tolerance.
 
-        Bodies that grains push are first moved to the poses that the solver found.
-        """
+        Bodies that grains push are first moved to the poses that the solver found."""
         bodies, solver = self._bodies, self._solver
         solved = np.array([np.concatenate(solver.collider_twist(bodies.colliders[name])) for name in bodies.dynamic])
         ends = {i: solver.collider_pose(bodies.colliders[name]) for i, name in enumerate(bodies.dynamic)

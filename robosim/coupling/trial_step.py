@@ -28,8 +28,7 @@ class TrialStep:
     """One `mj_step` that can be tried before it is accepted; bodies: MuJoCo indices of the coupled bodies.
 
     A step is `begin` (positions and velocities), any number of trials, and `finish`. A Runge-Kutta step calls the
-    user's control callback in `finish`, as often as `mj_step` does; its trials use the last controls.
-    """
+    user's control callback in `finish`, as often as `mj_step` does; its trials use the last controls."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, bodies: list[int]) -> None:
         self.model, self.data, self.bodies = model, data, bodies

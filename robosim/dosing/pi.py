@@ -33,8 +33,7 @@ class PiDosing(DoseController):
     curve with the mass that has left. It tilts on where the vibration is stronger than half (mid-ranging control), and
     back where material flows without any. The first stage stops where the mass in the cup, plus flow x delay, reaches
     its share. In the second it shakes for the time of a pulse, waits until the balance shows what came, and makes the
-    next pulse stronger or weaker, so that each brings a share of what is missing.
-    """
+    next pulse stronger or weaker, so that each brings a share of what is missing."""
 
     def __init__(self, numbers: DosingNumbers, control_dt: float) -> None:
         self._numbers, self._curve = numbers.pi, numbers.curve

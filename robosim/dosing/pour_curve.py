@@ -19,8 +19,7 @@ CurveMass = Annotated[float, Field(ge=0.0, le=10.0)]  # ten times what the large
 class PourCurve(Table):
     """Mass poured over tilt, both rising, measured with one load of one material; linear between points, else constant.
 
-    It is quasi-static: measured at a tilt so slow that what still falls does not matter.
-    """
+    It is quasi-static: measured at a tilt so slow that what still falls does not matter."""
 
     material: FilePath
     """Name of a material of configs/materials, or the path of a .yaml file."""
@@ -76,8 +75,7 @@ class PourCurve(Table):
     def tilt_per_mass(self, poured: float, ahead: float) -> float:
         """Return the mean tilt per mass [rad/kg] from a mass poured [kg] on, over the mass ahead [kg] that follows.
 
-        Beyond the curve's end it is the mean over the last such part of the curve.
-        """
+        Beyond the curve's end it is the mean over the last such part of the curve."""
         last = min(poured + ahead, self.most)
         first = max(last - ahead, self.masses[0])
         return (self.tilt(last) - self.tilt(first)) / (last - first)

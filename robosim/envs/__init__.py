@@ -1,8 +1,7 @@
 """Gymnasium environments of the sub-tasks, of dosing and of task files; `import robosim` registers them.
 
 Imports: base, cell, config, coupling, dosing, randomization, rendering, rewards, robot, scene, senses, shapes, tasks,
-mpm.
-"""
+mpm."""
 
 import sys
 from collections.abc import Sequence
@@ -49,8 +48,7 @@ def register() -> None:
 class RegistersAfterImport:
     """An import hook that registers the ids once Gymnasium's own import is done.
 
-    Gymnasium 1.x has no entry points for plugins, and its import takes longer than all else that `--help` needs.
-    """
+    Gymnasium 1.x has no entry points for plugins, and its import takes longer than all else that `--help` needs."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None,
                   ) -> ModuleSpec | None:
@@ -83,8 +81,7 @@ def is_task_file(task: str) -> bool:
 def make(name: str, /, **options: Any) -> "gymnasium.Env":
     """Make the environment of a sub-task, by name, or of a task file; options as of `robosim.envs.grain_env.GrainEnv`.
 
-    Raises UnknownName for what is neither, ConfigError for a file that cannot be used.
-    """
+    Raises UnknownName for what is neither, ConfigError for a file that cannot be used."""
     import gymnasium
 
     if is_task_file(name):

@@ -41,8 +41,7 @@ def find_hold(task_json: str, robot: str = IIWA, gripper: str | None = None) -> 
     """Find the turn [deg] of the tool in the hand, and the joint angles [rad] (n,) at a task's start.
 
     The first of GRIP_TURNS_DEG with which all of the task's script is within reach. task_json: as JSON, because
-    configurations are not hashable. Raises UnreachableWaypoint, ConfigError where there is none.
-    """
+    configurations are not hashable. Raises UnreachableWaypoint, ConfigError where there is none."""
     task = TaskConfig.model_validate_json(task_json)
     path = task.scripted_path()
     times = np.linspace(0.0, task.steps * task.step_dt, PATH_POSES)
@@ -184,8 +183,7 @@ class ArmTool(Carrier):
         torque_limit_ratio_max: largest demanded torque over its limit. tool_lag_max_m: largest distance of the tool
         from its commanded position. surroundings_contacts: contacts of the robot with table or containers, or of the
         tool with the table, summed over all steps. joint_lag_max_deg: largest angle by which a joint's own limits
-        keep it behind the posture of the command; slowest_joint: the number of that joint, from 1 at the base.
-        """
+        keep it behind the posture of the command; slowest_joint: the number of that joint, from 1 at the base."""
         return {"torque_limit_ratio_max": self._torque_ratio, "tool_lag_max_m": self._lag,
                 "surroundings_contacts": float(self.cell.contacts.robot_surroundings_contacts),
                 "joint_lag_max_deg": float(np.degrees(self._behind.max())),

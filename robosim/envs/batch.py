@@ -31,8 +31,7 @@ class GrainBatch:
 
     The results are the same bit by bit after `mpm.init(fast_math=False)`, otherwise up to rounding, because the two
     kernels may sum in different orders. options: as of `GrainEnv`, which also has an arm and pictures. autoreset_mode:
-    whether an environment that ended starts again in the same step, in the next one, or when `reset` says so.
-    """
+    whether an environment that ended starts again in the same step, in the next one, or when `reset` says so."""
 
     metadata: dict[str, Any] = {}  # noqa: RUF012
     """Gymnasium's metadata; empty, as these batches render nothing."""
@@ -70,8 +69,7 @@ class GrainBatch:
               mask: np.ndarray) -> tuple[list[Any], list[Info]]:
         """Start episodes in the environments of a mask (n,); infos of the others are empty.
 
-        Raises ConfigError where the mask leaves out an environment that has no episode yet.
-        """
+        Raises ConfigError where the mask leaves out an environment that has no episode yet."""
         check_owner()
         if not (mask | [member.generator is not None for member in self.members]).all():
             raise ConfigError("reset_mask leaves out environments that never began; reset all of them first")
@@ -83,8 +81,7 @@ class GrainBatch:
 
         SAME_STEP: observation and info of an environment that ended are those of its next start, the last ones are in
         the last of the results. NEXT_STEP: an environment that ended in the step before ignores its action and starts.
-        Raises ConfigError for an action that cannot be used, or without an episode, before any environment moves.
-        """
+        Raises ConfigError for an action that cannot be used, or without an episode, before any environment moves."""
         check_owner()
         n = len(self.members)
         starts = np.array([self.autoreset_mode is AutoresetMode.NEXT_STEP and one.has_ended for one in self.members])
@@ -112,8 +109,7 @@ class GrainBatch:
     def _begin_step(self, actions: np.ndarray, starts: np.ndarray) -> None:
         """Carry out actions (n, dimensions) in all environments but those that start (n,).
 
-        Raises ConfigError where no episode is running, before any environment moves.
-        """
+        Raises ConfigError where no episode is running, before any environment moves."""
         velocities = [self.actions.velocities(action, f"action of environment {e}") for e, action in enumerate(actions)]
         left = np.array([0 if now else episode.begin_action(self.action_repeat)
                          for episode, now in zip(self.episodes, starts)])
@@ -162,8 +158,7 @@ class GrainBatch:
     def load(self, e: int, state: dict[str, Any]) -> None:
         """Continue environment e from a state of any environment with the same task and options.
 
-        Raises ConfigError, and changes nothing, for others, and with SAME_STEP where no episode is running.
-        """
+        Raises ConfigError, and changes nothing, for others, and with SAME_STEP where no episode is running."""
         check_owner()
         check_options(state, self.members[e].identity)
         self.check_running(state)

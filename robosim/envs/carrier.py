@@ -22,8 +22,7 @@ Step = tuple[mpm.Counts, mpm.Pose]
 class Carrier:
     """Integrates commanded velocities, and moves the tool's collider along; a subclass has an arm move it.
 
-    solver: the field that `advance` advances; None where somebody else does.
-    """
+    solver: the field that `advance` advances; None where somebody else does."""
 
     robot_data: Any = None
     """MuJoCo's data of the scene with the arm; None without an arm."""
@@ -81,8 +80,7 @@ class Carrier:
     def advance(self, velocity: Sequence[np.ndarray], steps: int) -> Iterator[Step]:
         """Advance by steps under a constant `robosim.tasks.actions.Velocity`, and yield each step.
 
-        Without an arm in as few launches as the field's readings allow.
-        """
+        Without an arm in as few launches as the field's readings allow."""
         solver = self._solver
         assert solver is not None
         for first in range(0, steps, MAX_READINGS):
@@ -95,8 +93,7 @@ class Carrier:
     def command(self, linear: np.ndarray, angular: np.ndarray, vibration: np.ndarray | None = None) -> mpm.Pose:
         """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes; return the tool's there.
 
-        vibration: amplitude [m] and frequency [Hz] (2,), if any, added to what is returned, and not to `commanded`.
-        """
+        vibration: amplitude [m] and frequency [Hz] (2,), if any, added to what is returned, and not to `commanded`."""
         self.commanded = move_pose(self.commanded, self._task, linear, angular)
         pose = self.setting.actual(self.commanded)
         if self._vibration is None or vibration is None:

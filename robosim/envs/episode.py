@@ -99,8 +99,7 @@ class Copied:
     """An environment that `copy.deepcopy` and `pickle` make again from its arguments and then set to its state.
 
     Fields, kernels and renderers stay behind. Its `spec` has the largest number of actions of an episode: Gymnasium
-    leaves it out where no TimeLimit counts, and a registered number would hold for one action_repeat only.
-    """
+    leaves it out where no TimeLimit counts, and a registered number would hold for one action_repeat only."""
 
     max_episode_steps: int
     """Actions of an episode, if the simulation does not diverge."""

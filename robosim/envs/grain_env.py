@@ -26,8 +26,7 @@ from robosim.tasks.task import TaskConfig, load_task
 class GrainEnv(Copied, gymnasium.Env):
     """Environment with a tool, or the whole arm, and grains; base class of all sub-tasks, whose pages describe it.
 
-    Arguments are those of `robosim.envs.episode.EnvOptions` and any number of the material.
-    """
+    Arguments are those of `robosim.envs.episode.EnvOptions` and any number of the material."""
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
     TASK: str = ""
@@ -90,8 +89,7 @@ class GrainEnv(Copied, gymnasium.Env):
 
         options: {"nominal": True} for the start without its random displacement; "shift", a displacement [m] (3,) of
         the tool, and "turn_deg", a turn about the vertical through it, besides; {"draw": info["draw"]} of another reset
-        repeats its episode. Raises UnknownName, ConfigError for others, ConfigError once it is closed.
-        """
+        repeats its episode. Raises UnknownName, ConfigError for others, ConfigError once it is closed."""
         check_owner()
         check_open("reset", self._is_closed)
         super().reset(seed=seed)
@@ -111,8 +109,7 @@ class GrainEnv(Copied, gymnasium.Env):
 
         Returns observation, reward, terminated, truncated and info. Where the simulation diverges, the observation is
         the last finite one and info["diverged"] has the reason. Raises ConfigError for an action that cannot be used,
-        where no episode is running, and once it is closed.
-        """
+        where no episode is running, and once it is closed."""
         check_owner()
         check_open("step", self._is_closed)
         episode, member = self.episode, self.member
@@ -145,8 +142,7 @@ class GrainEnv(Copied, gymnasium.Env):
     def load(self, state: dict[str, Any]) -> None:
         """Continue from a state of this environment, or of one with the same task and options.
 
-        Raises ConfigError, and changes nothing, for a state of another task or of other options, and after `close`.
-        """
+        Raises ConfigError, and changes nothing, for a state of another task or of other options, and after `close`."""
         check_owner()
         check_open("load", self._is_closed)
         self.member.load(state)

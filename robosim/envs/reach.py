@@ -1,8 +1,7 @@
 """Joint motion that an arm needs to carry a tool along a commanded motion, and a penalty on limits exceeded.
 
 No grains and no smoothing: joint angles q follow q' = J#(q) V with the damped inverse of the Jacobian, from the task's
-own start posture. Out of reach, or in a singular posture, the speeds exceed the limits.
-"""
+own start posture. Out of reach, or in a singular posture, the speeds exceed the limits."""
 
 import numpy as np
 
@@ -33,8 +32,7 @@ class Reach:
         """Return joint angles [rad] (n + 1, joints) and speeds [rad/s] (n, joints) under tool velocities from a pose.
 
         linear [m/s] (n, 3), angular [rad/s] (n, 3): in world axes.
-        Raises UnreachableWaypoint where the arm cannot reach the start.
-        """
+        Raises UnreachableWaypoint where the arm cannot reach the start."""
         posture = solve_pose(self._arm, start, self._rest, rest=self._rest)
         if not posture.converged:
             raise UnreachableWaypoint("start", posture.position_error, np.degrees(posture.angle_error), 0.0)
@@ -48,8 +46,7 @@ class Reach:
         """Return how far a motion uses the joints' limits.
 
         speed_limit_ratio_max, joint_limit_ratio_max: largest speed and angle over their limits.
-        first_violation_time_s: of the first step above a limit, -1 without one. end_position_error_m: of the tool.
-        """
+        first_violation_time_s: of the first step above a limit, -1 without one. end_position_error_m: of the tool."""
         q, speeds = self.joint_motion(start, linear, angular)
         speeds = np.abs(speeds / self._arm.velocity).max(1)
         angles = np.abs((q - self._middle) / self._half).max(1)
@@ -64,8 +61,7 @@ class Reach:
                 angular: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
         """Return the penalty on exceeded joint limits and its derivatives with respect to linear and angular (n, 3).
 
-        It is the mean over the steps of the squared excesses of speed and angle, as shares of their limits.
-        """
+        It is the mean over the steps of the squared excesses of speed and angle, as shares of their limits."""
         (q, speeds), n, dt = self.joint_motion(start, linear, angular), len(linear), self._dt
         fast = np.maximum(np.abs(speeds) / self._arm.velocity - 1.0, 0.0)
         offset = (q[1:] - self._middle) / self._half

@@ -66,8 +66,7 @@ def turned(quaternion: np.ndarray, turn_deg: float) -> np.ndarray:
 def read_start(options: dict[str, Any] | None) -> StartOptions:
     """Return the options of a reset.
 
-    Raises UnknownName for one that does not exist, ConfigError for a value that cannot be used.
-    """
+    Raises UnknownName for one that does not exist, ConfigError for a value that cannot be used."""
     given = dict(options or {})
     unknown = set(given) - set(StartOptions._fields)
     if unknown:
@@ -99,8 +98,7 @@ def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.n
 def _multiply(values: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return values (n, k) times a matrix (k, k) in double precision, in the values' own.
 
-    By blocks of rows: for all at once the memory of the products is allocated anew, which takes longer than they do.
-    """
+    By blocks of rows: for all at once the memory of the products is allocated anew, which takes longer than they do."""
     result = np.empty_like(values)
     for first in range(0, len(values), BLOCK):
         result[first : first + BLOCK] = values[first : first + BLOCK] @ matrix
@@ -112,8 +110,7 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
     """Return a task's settled state, from the cache or settled now, and leave the solver in it.
 
     name: of the cache file. variant: fill and slope of grains that the solver was not built with.
-    Raises mpm.InvalidValue where the tool cannot hold the grains.
-    """
+    Raises mpm.InvalidValue where the tool cannot hold the grains."""
     numbers = {"law": type(material).__name__} | material.values()
     shapes = [str(collider.sdf.signature()) for collider in solver.colliders]
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order

@@ -2,8 +2,7 @@
 
 Environments of one process share a field and a launch; with several cores there is a process for each. With an arm or
 pictures, every environment has a field of its own and, by default, a process of its own. Processes are spawned, because
-a forked one could not use a GPU: a script that makes them needs `if __name__ == "__main__":`, or `workers=1`.
-"""
+a forked one could not use a GPU: a script that makes them needs `if __name__ == "__main__":`, or `workers=1`."""
 
 import contextlib
 import multiprocessing
@@ -32,8 +31,7 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
                 **options: Any) -> gymnasium.vector.VectorEnv:
     """Make the vector environment of a sub-task; arguments as of `GrainVectorEnv`, options as of `GrainEnv`.
 
-    workers: None: one per core, with an arm or pictures one per environment.
-    """
+    workers: None: one per core, with an arm or pictures one per environment."""
     options.pop("max_episode_steps", None)  # the task's own horizon holds
     if num_envs < 1:
         raise ConfigError(f"num_envs = {num_envs}; accepted: a whole number from 1 on")
@@ -52,8 +50,7 @@ class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
     last observation and info are in `infos["final_obs"]` and `infos["final_info"]`. NEXT_STEP, as Gymnasium's own
     vector environments do: they are returned as those of any step; the next step ignores its action and starts, with
     reward 0. DISABLED: the same, and `reset` with a "reset_mask" starts it. workers: processes; None: one per core, at
-    most one per environment; 1: this process. Raises ConfigError, UnknownName for arguments that cannot be used.
-    """
+    most one per environment; 1: this process. Raises ConfigError, UnknownName for arguments that cannot be used."""
 
     _kind: type[GrainBatch] = GrainBatch
     """What the environments of a process are in."""
@@ -94,8 +91,7 @@ class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
         """Start episodes; return observations and infos.
 
         seed: one number, raised by one from environment to environment, or a list. options: as of `GrainEnv.reset`, and
-        "reset_mask" (n,) for the environments that start. Raises ConfigError, UnknownName for what cannot be used.
-        """
+        "reset_mask" (n,) for the environments that start. Raises ConfigError, UnknownName for what cannot be used."""
         check_open("reset", self.closed)
         seeds = [None if seed is None else seed + e for e in range(self.num_envs)] if not isinstance(seed, list) \
             else seed
@@ -115,8 +111,7 @@ class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, Info]:
         """Apply actions (n, dimensions); return observations, rewards, terminated, truncated and infos.
 
-        Raises ConfigError for an action that cannot be used, or an environment without episode, before any moves.
-        """
+        Raises ConfigError for an action that cannot be used, or an environment without episode, before any moves."""
         check_open("step", self.closed)
         if self._ended.any():  # checked here like the actions, or one process would step while another refuses
             raise ConfigError(f"environments {', '.join(map(str, np.flatnonzero(self._ended)))} have ended; with "
@@ -142,8 +137,7 @@ class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
     def load(self, index: int, state: dict[str, Any]) -> None:
         """Continue one environment from a state of any, in this vector or alone, with the same task and options.
 
-        Raises ConfigError, and changes nothing, for others, and with SAME_STEP where no episode is running.
-        """
+        Raises ConfigError, and changes nothing, for others, and with SAME_STEP where no episode is running."""
         self._call_one("load", index, state)
         self._ended[index] = self.metadata["autoreset_mode"] is AutoresetMode.DISABLED and \
             not state["episode"]["running"]

@@ -50,8 +50,7 @@ class World:
 
     name: of the file that the settled start is cached in. task: if the options have none. `observer.build` completes
     what is observed.
-    Raises ConfigError, UnknownName for options that cannot be used.
-    """
+    Raises ConfigError, UnknownName for options that cannot be used."""
 
     def __init__(self, name: str, task: TaskConfig | str, options: EnvOptions = DEFAULT_OPTIONS) -> None:
         load, mobile = options.load, options.arm  # an arm carries the tool, so that contact moves it

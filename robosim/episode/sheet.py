@@ -24,8 +24,7 @@ def choose_frames(loads: np.ndarray, passages: list[tuple[float, str]]) -> list[
     """Choose the frames of the sheet, and their names: waypoints, and those in which the tool is full and empties.
 
     loads (n, 2): time [s] of every frame and number of grains in the tool, not finite while it digs. Of the waypoints,
-    those that follow most closely on another frame are left out.
-    """
+    those that follow most closely on another frame are left out."""
     times, counts = loads.T
     chosen = {int(np.argmin(np.abs(times - time))): name for time, name in passages if time <= times[-1]}
     known, events = np.isfinite(counts), {}

@@ -1,8 +1,7 @@
 """The motion from the arm's home to the start of a path, around what stands in its way.
 
 Straight in joint space where that is free; elsewhere by two trees that grow towards each other (RRT-Connect: Kuffner
-and LaValle 2000), whose route is then cut short. The arm rests at each corner of the route.
-"""
+and LaValle 2000), whose route is then cut short. The arm rests at each corner of the route."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -45,8 +44,7 @@ class Approach(NamedTuple):
 def plan_approach(config: RehearsalConfig, arm: Arm, start: np.ndarray) -> Approach:
     """Plan the motion from home to a posture (n,) [rad], within the limits of joints and motors.
 
-    Raises ConfigError where home collides, or no way is found, which says between what.
-    """
+    Raises ConfigError where home collides, or no way is found, which says between what."""
     clearances = Clearances(config, arm, is_standing=True)
 
     def measure(q: np.ndarray) -> Nearest:

@@ -1,8 +1,7 @@
 """Distances of a robot from its surroundings, and between its own parts: in a posture, along a path, and in a dose.
 
 Collision shapes are those of the scene's model; meshes count as their convex hulls. Pinocchio places them, Coal finds
-the distances. What hangs at the wrist may touch itself: the hand holds the tool.
-"""
+the distances. What hangs at the wrist may touch itself: the hand holds the tool."""
 
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -72,8 +71,7 @@ class RobotClearance:
     """Clearances of arm, hand and tool in a scene.
 
     The tool's distance from containers is that of `ContainerSurface`. standing: world pose of a tool that the hand does
-    not hold, and keeps clear of; None: it holds it.
-    """
+    not hold, and keeps clear of; None: it holds it."""
 
     def __init__(self, scene: Scene, arm: Arm, standing: Pose | None = None) -> None:
         self._arm, self._geometry, self._scene, self._standing = arm, pinocchio.GeometryModel(), scene, standing
@@ -123,8 +121,7 @@ class RobotClearance:
     def _find(self, apart: np.ndarray, begin: int) -> Nearest:
         """Return the nearest of pairs from number `begin` on, whose bounding spheres are `apart` (n,) [m].
 
-        Pairs are measured from the smallest of these on, until no other can be nearer.
-        """
+        Pairs are measured from the smallest of these on, until no other can be nearer."""
         best, nearest = np.inf, FAR
         for k in np.argsort(apart):
             if apart[k] >= best:
@@ -184,8 +181,7 @@ class RobotClearance:
 class Clearances:
     """Distances in a rehearsal: of the robot from all else, and of the tool that it holds from containers.
 
-    is_standing: whether a tool that is picked up still stands in its place.
-    """
+    is_standing: whether a tool that is picked up still stands in its place."""
 
     def __init__(self, config: RehearsalConfig, arm: Arm, *, is_standing: bool = False) -> None:
         stand = config.standing_pose if is_standing else None
@@ -211,8 +207,7 @@ class Clearances:
         """Measure the clearances of postures q (n, joints) [rad], with the tool at poses, at times (n,) [s].
 
         passages: waypoint -> time [s]. Raises ConfigError for a collision: at which waypoint, of what with what, how
-        deep.
-        """
+        deep."""
         least, surface = PathClearance(FAR, FAR), monitor_containers(self._config)
         for k in range(0, len(times), CHECKED_SAMPLES):
             found = self._robot.measure(q[k])
@@ -225,8 +220,7 @@ class Clearances:
         """Check the whole range of tilt, with the lip where the dose begins and above the cup's middle.
 
         q: posture at the waypoint (n,) [rad]. Raises UnreachableWaypoint for a tilt that the arm cannot reach from
-        there, ConfigError for one at which it would touch something: at which tilt, and what.
-        """
+        there, ConfigError for one at which it would touch something: at which tilt, and what."""
         config, arm = self._config, self._arm
         if config.dose is None:
             return

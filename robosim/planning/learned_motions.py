@@ -1,7 +1,6 @@
 """Learned motions of sub-tasks, from their files, and in sequence: each translated to the end of the one before.
 
-The files are bundled with the package, or in the user's folder.
-"""
+The files are bundled with the package, or in the user's folder."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -44,8 +43,7 @@ def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
     """Load the motions of a rehearsal's sub-tasks.
 
     The first begins at the rehearsal's material, each other where the one before ends, at its own height. Raises
-    ConfigError for a motion that is missing or does not fit the rehearsal.
-    """
+    ConfigError for a motion that is missing or does not fit the rehearsal."""
     sequence: list[SubTaskMotion] = []
     for name in config.learned:
         task = load_task(name)
@@ -65,8 +63,7 @@ def place_target(config: RehearsalConfig) -> RehearsalConfig:
     """Move the target of a rehearsal to where its last learned motion delivers.
 
     The target is a container or an area. The rehearsal of a script is returned unchanged. Raises ConfigError as
-    `load_sequence` does.
-    """
+    `load_sequence` does."""
     if config.trajectory == "script":
         return config
     last = load_sequence(config)[-1]
@@ -125,8 +122,7 @@ def load_motion(path: Path, name: str, task: TaskConfig) -> PoseSequence:
 def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
     """Tool poses, task.step_dt apart, under a file's actions.
 
-    A pour ends after the actions that it needed; other motions are complete, so that the tool is level at the end.
-    """
+    A pour ends after the actions that it needed; other motions are complete, so that the tool is level at the end."""
     scaling, poses = ActionScaling(task), [task.start.pose]
     try:
         stored = read_arrays(path)

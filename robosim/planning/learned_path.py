@@ -2,8 +2,7 @@
 
 Each motion begins where the one before ends, levelled and at its own start height. Learned motions change their speed
 abruptly every 20 ms: they are smoothed by a moving average, shifted away from containers, which learning does not
-include, and time-scaled where the arm needs it.
-"""
+include, and time-scaled where the arm needs it."""
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
@@ -162,8 +161,7 @@ def restore_clearance(surface: ContainerSurface, path: PoseSequence) -> np.ndarr
     """Shift a path away from containers where it comes closer to them than CLEARANCE.
 
     Returns positions (n, 3) [m]; those of the path where MAX_SHIFT is not enough. Both the path and the smoothed path
-    are checked: time scaling gives one between them.
-    """
+    are checked: time scaling gives one between them."""
     original, quaternions = path
     smoothed_quaternions, positions = smooth(quaternions), original
     for _ in range(MAX_ITERATIONS):

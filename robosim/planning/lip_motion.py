@@ -21,8 +21,7 @@ class LipMotion:
 
     start: pose of the level tool. lip: its lip in its own frame [m] (3,). goal: place of the lip while it pours [m]
     (3,). largest_tilt: [rad]; commands beyond it, or below level, have no effect, nor have those that lead the lip out
-    of the box around its start and the goal. axis: along which it vibrates, in its frame.
-    """
+    of the box around its start and the goal. axis: along which it vibrates, in its frame."""
 
     def __init__(self, start: Pose, lip: np.ndarray, goal: np.ndarray, largest_tilt: float, axis: str = "x") -> None:
         self._start, self._local, self._largest = start, lip, largest_tilt
@@ -55,8 +54,7 @@ def make_lip_motion(config: RehearsalConfig) -> LipMotion:
     """Make the motion of a rehearsal's tool from the waypoint of its dose.
 
     The goal is above the middle of the cup, at the height that the lip has at the waypoint. Raises ConfigError for a
-    tool that is not level there, a lip that is not above the cup, and a cup that leans.
-    """
+    tool that is not level there, a lip that is not above the cup, and a cup that leans."""
     dose = config.dose
     assert dose is not None
     name = dose_cup(config)

@@ -16,8 +16,7 @@ def add_picking(config: RehearsalConfig, assembly: Assembly) -> RehearsalConfig:
 
     The tool of the approach's waypoint is where it would be in the hand: it stands at the first waypoint all the while.
     Where it is set down, the hand rests at the last waypoint while it opens, and goes back. Unchanged where nothing is
-    picked.
-    """
+    picked."""
     if config.pick is None or assembly.tool is None:
         return config
     first, last = config.waypoints[0], config.waypoints[-1]

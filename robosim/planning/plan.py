@@ -85,8 +85,7 @@ class Grip:
     def time(self, most: float) -> Plan:
         """Put the joint path into time, a script slower by up to a factor where limits demand it; raises ConfigError.
 
-        The path is solved again each time that it is slower.
-        """
+        The path is solved again each time that it is slower."""
         path, reason = self.path, ConfigError("")
         for count in range(MAX_SLOWDOWNS):
             try:
@@ -126,8 +125,7 @@ def plan_path(config: RehearsalConfig) -> Plan:
     Tool path, joint path, and joint motion within the arm's limits, without a collision. Where the file leaves it open
     how the hand holds the handle, the turns of GRIP_TURNS_DEG are tried until one can be followed at full speed, away
     from the joints' limits; where none can, the fastest. Learned motions are slowed down where the arm is too slow for
-    them, scripts up to `max_time_scale`. Raises ConfigError or UnreachableWaypoint.
-    """
+    them, scripts up to `max_time_scale`. Raises ConfigError or UnreachableWaypoint."""
     refused: list[ConfigError | UnreachableWaypoint] = []
     grips: list[Grip] = []
     for turn in GRIP_TURNS_DEG if config.grip_turn_deg is None else (config.grip_turn_deg,):

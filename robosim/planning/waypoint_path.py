@@ -54,8 +54,7 @@ class Corner(NamedTuple):
         """Return the pose at a time t [s] from the nominal passage.
 
         The time is within half a blend time. With S the integral of the smoothstep, the tool follows P exp(before (t -
-        S)) exp(after S): it leaves the first screw and joins the second with continuous acceleration.
-        """
+        S)) exp(after S): it leaves the first screw and joins the second with continuous acceleration."""
         u = t / self.blend + 0.5
         S = self.blend * (u**6 - 3.0 * u**5 + 2.5 * u**4)
         pose = self.pose
@@ -77,8 +76,7 @@ class Corner(NamedTuple):
 class WaypointPath:
     """Tool poses over time through all waypoints of a rehearsal, in world axes.
 
-    Raises ConfigError where corners overlap, or are cut too much inside a container.
-    """
+    Raises ConfigError where corners overlap, or are cut too much inside a container."""
 
     LEAST_SLOWDOWN = 1.02
     """Smallest factor by which the path is slowed down at a time."""
@@ -137,8 +135,7 @@ class WaypointPath:
         """Sample positions (n, 6) [m] of the path about a time [s].
 
         Of the tool's origin and of a point `tip` (3,) [m] of its frame. They lie on the commanded screw of that time
-        and on its neighbours, without blending.
-        """
+        and on its neighbours, without blending."""
         passages = [self.times[name] for name in self.names]
         leg = int(np.clip(np.searchsorted(passages, time) - 1, 0, len(self._legs) - 1))
         legs = range(max(leg - 1, 0), min(leg + 2, len(self._legs)))

@@ -1,4 +1,3 @@
 """What episodes draw at random: materials, places, fills, frictions, errors of the robot and of its sensors.
 
-Imports: base, config, scene, tasks, mpm.
-"""
+Imports: base, config, scene, tasks, mpm."""

@@ -35,8 +35,7 @@ class Randomization:
     arm: whether an arm carries the tool. sensors: numbers of the observation's terms that can be drawn. volume: of a
     grain [m^3] that was handed over; None: the task's own.
     Raises UnknownName for a number or material that there is not, ConfigError for a pair that is no range, leaves the
-    domain of the number, or needs a smaller time step than the material in the file.
-    """
+    domain of the number, or needs a smaller time step than the material in the file."""
 
     def __init__(self, task: TaskConfig, material: MaterialConfig, ranges: Ranges, *, arm: bool = False,
                  sensors: Domains | None = None, volume: float | None = None) -> None:

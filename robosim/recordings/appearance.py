@@ -51,8 +51,7 @@ def pack_appearance(model: mujoco.MjModel) -> bytes:
 def build_appearance(content: bytes, bodies: Sequence[BodyEntry], path: Path) -> mujoco.MjSpec:
     """Build a scene without mechanics, in which those of the bodies that move are mocap bodies, in their order.
 
-    path: of the recording, for messages. Raises ConfigError for a damaged one.
-    """
+    path: of the recording, for messages. Raises ConfigError for a damaged one."""
     try:
         return _build(content, bodies, path)
     except (mpm.InvalidValue, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:

@@ -66,8 +66,7 @@ def unpack_scene(content: bytes) -> SceneState:
 class GrainCodec:
     """Packs the grains of the frames of one scene in order, or unpacks them.
 
-    lower, upper: corners of the box in which positions are resolved [m] (3,).
-    """
+    lower, upper: corners of the box in which positions are resolved [m] (3,)."""
 
     def __init__(self, lower: ArrayLike, upper: ArrayLike) -> None:
         self._lower = np.asarray(lower, float)

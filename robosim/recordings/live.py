@@ -20,8 +20,7 @@ class LiveView:
 
     Call `update` after every step: it records a frame when one is due. The page follows, and plays what was recorded.
     tool: body whose path is drawn, and at which the force of `wrench` is. out: file that the recording is kept in,
-    which `robosim view` plays; None: a temporary one. Raises ConfigError for a port that is in use.
-    """
+    which `robosim view` plays; None: a temporary one. Raises ConfigError for a port that is in use."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver | None, *, tool: str = "",
                  wrench: Callable[[], mpm.Wrench] | None = None, port: int = PORT, frame_rate: float = FRAME_RATE,

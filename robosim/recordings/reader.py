@@ -30,8 +30,7 @@ class Recording:
     """A recording, opened for reading, also while it is still written.
 
     Raises ConfigError for what is no recording, one of another version, or a damaged one. One that was cut short, as by
-    a crash, is read as far as it goes.
-    """
+    a crash, is read as far as it goes."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -176,8 +175,7 @@ def find_recordings(run: Path) -> list[Path]:
     """Return the recordings of a run's folder, also unfinished ones, or the one of a file.
 
     A folder has that of its run, or else those of its parts, in the order of their names. Raises ConfigError where
-    there is none.
-    """
+    there is none."""
     if run.is_dir():
         own = [path for path in (run / FILE, run / f"{FILE}.part") if path.is_file()]
         found = own[:1] or sorted(path for end in ("*.rec", "*.rec.part") for path in run.glob(end))

@@ -28,8 +28,7 @@ class SceneRecorder:
 
     solver: None for a scene without grains. paths: name -> positions (n, 3) [m]. more: further entries of
     `RecordingHeader`: kind, title, curves that `add` is given values of, tool at which grains act, ...
-    Raises OSError where the file cannot be written.
-    """
+    Raises OSError where the file cannot be written."""
 
     def __init__(self, path: Path, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver | None, *,
                  frame_rate: float = FRAME_RATE, grain_volume: float | None = None,
@@ -66,8 +65,7 @@ class SceneRecorder:
             wrench: mpm.Wrench | None = None) -> bool:
         """Record the present state if a frame is due; return whether it was.
 
-        values: called with the grains for the values of the curves. wrench: of the grains on the tool.
-        """
+        values: called with the grains for the values of the curves. wrench: of the grains on the tool."""
         if not self.is_due(data.time):
             return False
         while self.is_due(data.time):

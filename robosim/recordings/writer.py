@@ -28,8 +28,7 @@ class RecordingWriter:
     Until `close` it is called `path`.part, which can be read as far as it was written, also after a crash.
 
     shapes: body -> .glb file. paths: name -> positions (n, 3) [m]. appearance: of `pack_appearance`; without it no film
-    can be drawn.
-    """
+    can be drawn."""
 
     def __init__(self, path: Path, header: RecordingHeader, shapes: dict[str, bytes],
                  paths: dict[str, np.ndarray] | None = None, appearance: bytes = b"") -> None:

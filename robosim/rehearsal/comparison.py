@@ -36,8 +36,7 @@ def compare_wrench(replay: RecordedMotion, readings: Readings, model: mujoco.MjM
                    grasp_time: float) -> WrenchComparison | None:
     """Compare the wrenches at the recorded times that were simulated; None without a recorded one.
 
-    arm_qpos: addresses of the arm's angles in the model. grasp_time: at which the motion starts [s].
-    """
+    arm_qpos: addresses of the arm's angles in the model. grasp_time: at which the motion starts [s]."""
     wrench = replay.log.wrench
     if wrench is None:
         return None

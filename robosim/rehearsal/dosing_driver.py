@@ -50,8 +50,7 @@ class DosingDriver(MotionDriver):
     one. latency: time [s] by which the joints' commands arrive late, to the nearest step. Every `control_dt` the
     controller sees the balance and the commanded tool; every step its command moves the tool about its lip, inverse
     kinematics find the joints, and Ruckig keeps them within the limits of speed, acceleration and jerk. At the end the
-    arm returns to the posture of the waypoint.
-    """
+    arm returns to the posture of the waypoint."""
 
     def __init__(self, plan: Plan, masses: Callable[[], tuple[float, float]], seed: int = 0,
                  controller: DoseController | None = None, latency: float = 0.0) -> None:
@@ -106,8 +105,7 @@ class DosingDriver(MotionDriver):
     def command(self, time: float) -> JointState:
         """Return the command of the dose while it runs, else that of the motion.
 
-        Raises ConfigError for a target above the load, RobotDiverged where the arm cannot come back.
-        """
+        Raises ConfigError for a target above the load, RobotDiverged where the arm cannot come back."""
         if self.begin is None and time >= self.due:
             self._begin_dose(time)
         if not self.is_open_ended:

@@ -65,8 +65,7 @@ def get_bounds(config: RehearsalConfig) -> dict[str, Bound]:
     """Return the bounds of one rehearsal.
 
     They include its least load, and no weighing where it weighs nothing. A dose has the bound of its error in place of
-    the delivered fraction: the rest stays in the tool.
-    """
+    the delivered fraction: the rest stays in the tool."""
     first, bounds = {"scooped_mass_kg": Bound(config.least_load, np.inf)}, dict(BOUNDS)
     if not config.weigh_at:
         del bounds["wrist_payload_relative_error"]
@@ -189,8 +188,7 @@ def dose_figures(dosing: DosingDriver, mass: float, grain_mass: float) -> dict[s
     """Return the figures of a dose.
 
     mass: in the cup at the end of the rehearsal, less the tare [kg]. grain_mass: of a material point [kg], below which
-    no error means anything.
-    """
+    no error means anything."""
     shown, masses, tilts = (dosing.stack(name) for name in ("shown", "mass", "tilt"))
     seconds = None if dosing.begin is None or dosing.done is None else dosing.done - dosing.begin
     return {
@@ -221,8 +219,7 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
 
     Everywhere from the path as it is commanded, with its rounded corners; inside containers, beside that, from the
     waypoints' screws. Each is compared with the path about the same time. The latter figure is None where the tool was
-    in no container.
-    """
+    in no container."""
     tip = tool_shape(run.config.tool).tip
     times, reached = run.readings.stack_steps("time"), run.readings.stack_steps("reached")
     commanded = np.array([find_points(Pose(row[:3], row[3:]), tip) for row in run.readings.stack_steps("commanded")])
@@ -252,8 +249,7 @@ def compute_wrist_load(run: RehearsalRun) -> float | None:
     """Compute the largest force at the wrist over the weight that the arm may carry; None where no data sheet says.
 
     Makers give the largest mass of hand, tool and load. The force of a motion is compared with its weight at twice
-    gravity, which an arm that accelerates by 1 g with that load exerts.
-    """
+    gravity, which an arm that accelerates by 1 g with that load exerts."""
     payload = run.plan.arm.assembly.robot.payload
     if payload is None:
         return None

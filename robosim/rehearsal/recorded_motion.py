@@ -38,8 +38,7 @@ class RecordedMotion:
     """Recorded joint angles as a motion, which the servo is given in place of the planned one.
 
     log: of the arm; planned: the motion that it is compared with, from whose start time counts. Raises ConfigError
-    for angles beyond the joints' limits, and for a recording of something else.
-    """
+    for angles beyond the joints' limits, and for a recording of something else."""
 
     delay = 0.0
     """Of the limits: none."""
@@ -91,8 +90,7 @@ def find_offset(times: np.ndarray, angles: np.ndarray, planned: JointMotion) -> 
     """Return the time [s] of a recording's clock at which the planned motion starts, and the rms distance there.
 
     times (n,) [s] in equal steps, angles (n, joints) [rad]. The distance is that during the planned motion, with the
-    recording at rest before and after its samples, over the plan's distance from its own mean.
-    """
+    recording at rest before and after its samples, over the plan's distance from its own mean."""
     plan_times = np.arange(0.0, planned.duration, 1.0 / SEARCH_RATE)
     plan_angles = np.array([planned.state(t).q for t in plan_times])
     stride = max(1, round(RATE / SEARCH_RATE))

@@ -84,8 +84,7 @@ class Result:
         tool that is not picked up is put into the hand at home.
         joint_prefix, joint_names, frame_id: of the controller, as `joint_trajectory` of the file, which holds where
         none is given. Raises ConfigError where a bound was missed, unless force: then the file's name says so; and for
-        a rehearsal with a dose, which a balance controls.
-        """
+        a rehearsal with a dose, which a balance controls."""
         path = Path(path)
         if self.config.dose is not None:
             raise ConfigError(f"{path}: not written, for the balance controls the dose, and no motion repeats it; "

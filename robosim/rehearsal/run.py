@@ -45,8 +45,7 @@ class RehearsalRun:
     whose motion takes the place of the planned one. errors: by which the robot differs from the model that plans and
     controls it. driver: a user's own, see `robosim.cell.drivers.OwnDriver`; in a rehearsal with a dose a
     `robosim.dosing.command.DoseController`. Raises ConfigError for a replay with a dose, which no recording repeats,
-    and for drivers that cannot be used.
-    """
+    and for drivers that cannot be used."""
 
     def __init__(self, plan: Plan, seed: int = 0, material: MaterialConfig | None = None,
                  replay: RecordedMotion | None = None, errors: ModelErrors | None = None, driver: Any = None) -> None:
@@ -135,8 +134,7 @@ class RehearsalRun:
     def passages(self) -> list[tuple[float, str]]:
         """Return simulated times [s] and names of the waypoints that are passed at known times, in order.
 
-        With a dose those up to it, and the dose itself: it decides when the arm goes on. Once it is over, all.
-        """
+        With a dose those up to it, and the dose itself: it decides when the arm goes on. Once it is over, all."""
         times = [(self.config.grasp_time + time, name) for name, time in self.plan.path.times.items()]
         if not isinstance(self.driver, DosingDriver):
             return sorted(times)
@@ -178,8 +176,7 @@ class RehearsalRun:
 
         1. Ask the driver for the joints' command; command the fingers.
         2. Step the cell: robot and grains together.
-        3. Record the step; every few steps the grains too.
-        """
+        3. Record the step; every few steps the grains too."""
         cell, target = self.cell, self.driver.command(self.time)
         self._command_fingers()
         q, qd, velocity = cell.q.copy(), cell.qd.copy(), cell.tool_velocity()

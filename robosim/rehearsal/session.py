@@ -81,8 +81,7 @@ class Rehearsal:
     """A whole-arm rehearsal.
 
     config: name of one of configs/rehearsals, path of a .yaml file, or a configuration. changes: keys of the file with
-    other values. Raises ConfigError, UnknownName before any work.
-    """
+    other values. Raises ConfigError, UnknownName before any work."""
 
     def __init__(self, config: str | Path | RehearsalConfig, **changes: Any) -> None:
         if isinstance(config, RehearsalConfig):
@@ -94,8 +93,7 @@ class Rehearsal:
     def plan(self) -> Plan:
         """Plan the motion: tool path, postures, timing, clearances.
 
-        Raises ConfigError, UnreachableWaypoint for what cannot be performed, by the waypoint's name.
-        """
+        Raises ConfigError, UnreachableWaypoint for what cannot be performed, by the waypoint's name."""
         return plan_motion(self.config)
 
     def run(self, *, out: str | Path | None = None, camera: str | None = None, seed: int = 0,
@@ -108,8 +106,7 @@ class Rehearsal:
         robot differs from its model. driver: a function or object of one's own that commands the joints in the plan's
         place, see `robosim.cell.drivers.OwnDriver`; with a dose a controller of doses. frame_rate: of recording
         and film [1/s]. Raises as `plan`, and mpm.SimulationDiverged, RobotDiverged, DriverFault; status.json then says
-        why.
-        """
+        why."""
         folder = Path(tempfile.mkdtemp(prefix="rehearsal_") if out is None else out)
         result = simulate(self.config, folder, RunOptions(
             None if camera is None else FilmStyle(camera, **film), frame_rate, seed, model_errors=model_errors,
@@ -124,8 +121,7 @@ def rehearse(name: str, out: Path, options: RunOptions = AS_PLANNED, *, force_ex
     """Run a rehearsal, write its results into the folder `out`, and print the main figures.
 
     Returns 0, or 1 where a figure missed its bound. force_export: write the motion for the real robot also where a
-    bound was missed, under a name that says so. changes: as of `check_rehearsal`.
-    """
+    bound was missed, under a name that says so. changes: as of `check_rehearsal`."""
     config = check_rehearsal(name, **changes)
     result = simulate(config, out, options)
     if result.is_repeatable and result.missed and force_export:
@@ -144,8 +140,7 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
     """Run a rehearsal and write its results into the folder `out`.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends. The motion for the
-    real robot is written last, and only where every bound was held.
-    """
+    real robot is written last, and only where every bound was held."""
     material, film = load_material(config.material), options.film
     log = None if options.recorded is None else read_log(options.recorded, config)
     if film is not None:
@@ -184,8 +179,7 @@ def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None
                     motions: str | Path | None = None) -> RehearsalConfig:
     """Return the configuration of a rehearsal, with what replaces parts of it; raises ConfigError.
 
-    trajectory: "script" or "learned", the latter from a folder of motions, or with None the bundled ones.
-    """
+    trajectory: "script" or "learned", the latter from a folder of motions, or with None the bundled ones."""
     if motions is not None and trajectory == "script":
         raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
     chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
@@ -208,8 +202,7 @@ def check_config(config: RehearsalConfig) -> RehearsalConfig:
 def check_dose(config: RehearsalConfig, density: float) -> None:
     """Refuse a dose whose controller, lip or cup cannot be used, or that a tool which is full at the start cannot give.
 
-    density: of the material [kg/m^3]. What a tool scoops is known when it is weighed. Raises ConfigError.
-    """
+    density: of the material [kg/m^3]. What a tool scoops is known when it is weighed. Raises ConfigError."""
     if config.dose is None:
         return
     make_dose_controller(config)

@@ -1,4 +1,3 @@
 """Rendering: OpenGL without a display, scenes with grains, video files, contact sheets.
 
-Imports: base, config, mpm.
-"""
+Imports: base, config, mpm."""

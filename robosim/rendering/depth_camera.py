@@ -17,8 +17,7 @@ class DepthCamera:
     """A camera of a model, which sees what films show of its bodies, and grains.
 
     camera: its name. width, height: of its picture in pixels. grains: their number; radius: mean radius [m] with which
-    they are drawn, as in films. Raises UnknownName for a camera that the model does not have.
-    """
+    they are drawn, as in films. Raises UnknownName for a camera that the model does not have."""
 
     def __init__(self, model: mujoco.MjModel, camera: str, width: int, height: int, grains: int, radius: float) -> None:
         names = [model.camera(k).name for k in range(model.ncam)]
@@ -51,8 +50,7 @@ class DepthCamera:
     def depth(self, data: mujoco.MjData, pose: mpm.Pose, grains: np.ndarray) -> np.ndarray:
         """Return the depth [m] along the optical axis (height, width), float32; infinite where nothing is seen.
 
-        pose: what `look` returned for the same data. grains (n, 3 or more), float32: their positions [m].
-        """
+        pose: what `look` returned for the same data. grains (n, 3 or more), float32: their positions [m]."""
         R, frames = pose.matrix.T, np.empty((self.model.nbody, 12))
         frames[:, :9] = (R @ data.xmat.reshape(-1, 3, 3)).reshape(-1, 9)
         frames[:, 9:] = (data.xpos - pose.position) @ R.T

@@ -1,8 +1,7 @@
 """Grains drawn as one MuJoCo skin, whose vertices are overwritten in each frame.
 
 A skin is lit, shaded, shadowed and occluded like any other geometry, and its vertices are streamed to the GPU (or to a
-software rasteriser) anyway. Each grain is a small octahedron of its own shape and attitude.
-"""
+software rasteriser) anyway. Each grain is a small octahedron of its own shape and attitude."""
 
 import mujoco
 import numpy as np
@@ -27,8 +26,7 @@ def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLi
     """Add a skin of grains with a mean radius [m] and a colour rgba (4,), at the world's origin.
 
     A second one, MARKED_SKIN, has the colour of grains that are marked. Raises ValueError unless count and radius are
-    positive.
-    """
+    positive."""
     if count < 1 or radius <= 0.0:
         raise ValueError(f"grain skin: count {count} and radius {radius} m must both be positive")
     vertices = count * GRAIN_VERTICES
@@ -41,8 +39,7 @@ def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLi
 def make_crystals(count: int, radius: float) -> Array:
     """Make the facets (count, 24, 3) [m] of octahedra about the origin, of a mean radius [m].
 
-    Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are uniform.
-    """
+    Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are uniform."""
     rng = np.random.default_rng(0)
     stretch = rng.uniform(0.75, 1.25, (count, 1, 3))
     corners = CORNERS * stretch + rng.uniform(-0.15, 0.15, (count, 6, 3))
@@ -63,8 +60,7 @@ def compute_normals(facets: Array) -> Array:
     """Compute unit normals (n, 24, 3) per vertex of facets (n, 24, 3).
 
     They are the mean of the facet's and a sphere's. With facet normals a heap of white grains looks like noise, with
-    those of spheres like separate dots.
-    """
+    those of spheres like separate dots."""
     a, b, c = np.moveaxis(facets.reshape(-1, 3, 3), 1, 0)
     flat = np.cross(b - a, c - a)
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
@@ -76,8 +72,7 @@ def compute_normals(facets: Array) -> Array:
 def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool_]:
     """Return which grains (n,) at positions (n, 3) [m] lie inside a heap: none of the cubes around theirs is empty.
 
-    cell: side of the cubes [m]. Without hidden grains the picture is the same at half the cost.
-    """
+    cell: side of the cubes [m]. Without hidden grains the picture is the same at half the cost."""
     if not len(positions):
         return np.zeros(0, bool)
     index = np.floor(positions / cell).astype(np.int64)
@@ -94,8 +89,7 @@ def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool
 def read_facets(model: mujoco.MjModel, grain_count: int) -> Array:
     """Read the facets (grain_count, 24, 3) [m], about the origin, of the model's grains.
 
-    Raises ValueError for a model without a skin of that many grains, or two.
-    """
+    Raises ValueError for a model without a skin of that many grains, or two."""
     if grain_count == 0:
         return np.empty((0, GRAIN_VERTICES, 3))
     if model.nskin not in (1, 2) or model.nskinvert != model.nskin * grain_count * GRAIN_VERTICES:

@@ -30,8 +30,7 @@ class RenderingUnavailable(RobosimError, RuntimeError):
 class SceneRenderer:
     """Draws frames of one model, with its grains if it has a grain skin.
 
-    width, height: in pixels. Raises RenderingUnavailable.
-    """
+    width, height: in pixels. Raises RenderingUnavailable."""
 
     def __init__(self, model: mujoco.MjModel, grain_count: int, width: int = 1280, height: int = 720) -> None:
         self._model = model
@@ -53,8 +52,7 @@ class SceneRenderer:
         """Draw the picture (height, width, 3) of a camera of the model, or of a free one.
 
         positions (n, 3) [m]: of the grains. data: only its positions are used. n may be smaller than the skin's count;
-        None draws no grains. marked (n,): grains drawn with the second skin, which the model must have then.
-        """
+        None draws no grains. marked (n,): grains drawn with the second skin, which the model must have then."""
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
@@ -97,8 +95,7 @@ class SceneRenderer:
 def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0) -> None:
     """Set the shadow map's side in texels, the samples per pixel and a largest frame of 1920 x 1080.
 
-    A software rasteriser takes about twice the time for 4 samples.
-    """
+    A software rasteriser takes about twice the time for 4 samples."""
     spec.visual.quality.shadowsize = shadow_size
     spec.visual.quality.offsamples = samples
     screen = getattr(spec.visual, "global")  # a Python keyword

@@ -27,8 +27,7 @@ class Mp4Writer:
     Until close() the film is called `path`.part. It is written in fragments, one per key frame, so that the .part of a
     killed run plays up to its last seconds; close() rewrites it with its index first (faststart), without encoding
     again. A film that cannot be finished is removed. Raises ValueError for frames of another size or an odd one,
-    OSError for a full disk. keyframes: frames from one key frame to the next; None: KEYFRAME_SECONDS of them.
-    """
+    OSError for a full disk. keyframes: frames from one key frame to the next; None: KEYFRAME_SECONDS of them."""
 
     def __init__(self, path: str | Path, fps: float = 30, keyframes: int | None = None) -> None:
         if not fps > 0:
@@ -105,8 +104,7 @@ def read_frames(path: Path, count: int) -> list[Frame]:
 def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
     """Write one to nine frames (height, width, 3) with captions as one PNG.
 
-    Frames have one size; three are in a row. Raises ValueError for other numbers of frames or captions.
-    """
+    Frames have one size; three are in a row. Raises ValueError for other numbers of frames or captions."""
     if not 1 <= len(frames) <= SHEET_COLUMNS**2 or len(captions) != len(frames):
         raise ValueError(f"contact sheet: {len(frames)} frames, {len(captions)} captions; accepted: 1 to 9, as many of "
                          f"each")

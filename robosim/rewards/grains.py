@@ -1,7 +1,6 @@
 """Terms of the grains: their distance to the goal, and where they end.
 
-Source: arXiv 2406.09178, section Problem Formulation, equations for pour, translate and scoop.
-"""
+Source: arXiv 2406.09178, section Problem Formulation, equations for pour, translate and scoop."""
 
 from typing import Annotated
 
@@ -15,8 +14,7 @@ class Distance(RewardTerm):
     """Distance of the counted grains to the goal, every step.
 
     Each step earns beta (gamma - sum of weighted Manhattan distances), with gamma = N* reference and
-    beta = total / (steps gamma). An episode in which nothing moves earns total (1 - start distance / reference).
-    """
+    beta = total / (steps gamma). An episode in which nothing moves earns total (1 - start distance / reference)."""
 
     name, is_scored = "distance", False
 
@@ -61,8 +59,7 @@ class Lost(RewardTerm):
 class Target(RewardTerm):
     """Per grain: + on the target, - elsewhere; beta^t in arXiv 2406.09178.
 
-    In the last step; where grains are poured, in the step in which each leaves the bounds.
-    """
+    In the last step; where grains are poured, in the step in which each leaves the bounds."""
 
     name = "target"
 

@@ -50,8 +50,7 @@ class RewardTerm(Table):
 
     A subclass with a `name` is known by it. Where `weight` is its only field, the file gives the number alone. Terms
     are summed in the order of their classes. A term keeps nothing from step to step; what it has to remember of an
-    episode, `begin` returns for the other methods.
-    """
+    episode, `begin` returns for the other methods."""
 
     name: ClassVar[str]
     is_scored: ClassVar[bool] = True

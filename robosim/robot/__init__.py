@@ -1,4 +1,3 @@
 """Arms and hands from files: assembly, inverse kinematics, timing, servo, torque sensors, ROS 2 trajectories.
 
-Imports: base, config, mpm.
-"""
+Imports: base, config, mpm."""

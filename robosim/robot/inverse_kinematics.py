@@ -65,8 +65,7 @@ def solve_pose(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray | Non
     """Find joint angles near `start` that put the tool at `target`.
 
     Takes Levenberg-Marquardt steps from start (n,) [rad]. target: world pose of the tool's frame. The redundant degree
-    of freedom draws the posture towards `rest` (n,), by default the arm's home.
-    """
+    of freedom draws the posture towards `rest` (n,), by default the arm's home."""
     goal = pinocchio.SE3(target.matrix, np.asarray(target.position, float))
     q, rest = start.copy(), arm.home if rest is None else rest
     error = _compute_error(arm, q, goal)
@@ -114,8 +113,7 @@ def solve_path(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]], 
     error where no posture works; interval: time [s] between targets. Among the paths that follow all targets without a
     jump, the one with the highest elbow, the most distance to joint limits and the least travel is taken; with a
     clearance, which is the distance [m] of the robot from obstacles and itself in a posture (n,), one that keeps NEAR
-    of it goes before others. Raises UnreachableWaypoint, ConfigError.
-    """
+    of it goes before others. Raises UnreachableWaypoint, ConfigError."""
     search = _PathSearch(arm, targets, waypoints, clearance)
     for index, name in waypoints:
         search.check_reachable(targets[index], name)
@@ -159,8 +157,7 @@ class _PathSearch:
     def choose_start(self, interval: float) -> tuple[np.ndarray, np.ndarray]:
         """Joint angles (joints,) of the first target, and those to rest at, with which a coarse path is followed best.
 
-        A redundant arm is drawn to its home in every second attempt, in the others to its first posture.
-        """
+        A redundant arm is drawn to its home in every second attempt, in the others to its first posture."""
         arm, count = self._arm, len(self._targets)
         coarse = sorted({*range(0, count, max(1, count // COARSE_SAMPLES)), *[i for i, _ in self._waypoints]})
         best, jumps, furthest, closest = None, 0, -1, Solution(arm.home, np.inf, np.inf)
@@ -197,8 +194,7 @@ class _PathSearch:
         """Solve targets that follow closely on one another, each from the solution before, the first from q (joints,).
 
         rest: joint angles [rad] that a redundant arm is drawn to. whole: whether to go on from a target that is not
-        reached. Returns joint angles (n, joints) and errors (n, 2) [m], [rad].
-        """
+        reached. Returns joint angles (n, joints) and errors (n, 2) [m], [rad]."""
         angles, errors = [], []
         for index in indices:
             solution = solve_pose(self._arm, self._targets[index], q, rest)
@@ -212,8 +208,7 @@ class _PathSearch:
     def unwind(self, q: np.ndarray) -> np.ndarray:
         """Return a joint path (n, joints) [rad] shifted by whole turns of joints, so that it begins nearest to home.
 
-        Postures are the same; an arm that comes from home need not turn a joint all around first.
-        """
+        Postures are the same; an arm that comes from home need not turn a joint all around first."""
         q, arm = q.copy(), self._arm
         for k, name in enumerate(arm.joints):
             if name in arm.assembly.robot.slides:
@@ -227,8 +222,7 @@ class _PathSearch:
     def _rate(self, q: np.ndarray, travel: np.ndarray) -> float:
         """Score of a joint path (n, joints): elbow height [m], margin to limits [rad], less travel (n - 1, joints) [s].
 
-        What is missing of a clearance of NEAR [m] counts a hundredfold.
-        """
+        What is missing of a clearance of NEAR [m] counts a hundredfold."""
         elbow = np.mean([self._arm.elbow_height(x) for x in q[:: max(1, len(q) // 8)]])
         missing = 0.0
         if self._clearance is not None:

@@ -19,8 +19,7 @@ class JointSmoother:
 
     Ruckig is given target velocities: the goal's, plus what closes the gap to it. With target positions that move
     from step to step it takes long ways around a goal that is near. Every step plans anew: Ruckig would otherwise
-    follow its last plan where the request is unchanged, and round otherwise than one that begins in the same state.
-    """
+    follow its last plan where the request is unchanged, and round otherwise than one that begins in the same state."""
 
     def __init__(self, limits: MotionLimits, dt: float, arm: Arm) -> None:
         n = len(arm.joints)
@@ -85,8 +84,7 @@ class Servo:
         """Raise ConfigError where MuJoCo's step is too long for the gains.
 
         A torque that is constant over a step dt adds energy from 2 dt d + dt^2 k = 4 on, with d and k the largest
-        damping and stiffness per inertia. data: scene in the posture that is checked. dofs (n,): indices of the arm.
-        """
+        damping and stiffness per inertia. data: scene in the posture that is checked. dofs (n,): indices of the arm."""
         M = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, M)
         inverse_inertia = np.linalg.inv(M)[np.ix_(dofs, dofs)]
@@ -102,8 +100,7 @@ class Servo:
         """Compute clipped motor torques [N m] (n,).
 
         tau = K (q* - q) + D (q*' - q') + inverse dynamics. q, qd: measured angles [rad] and speeds [rad/s], each (n,).
-        target: commanded joint state q*.
-        """
+        target: commanded joint state q*."""
         tau = self._stiffness * (target.q - q) + self._damping * (target.qd - qd)
         tau += self.arm.inverse_dynamics(q, target.qd, target.qdd)
         self.demanded_torque = tau
@@ -129,6 +126,5 @@ class TorqueSensors:
         """Estimate the external torques [N m] (n,) on the joints.
 
         The model of arm, hand and empty tool, less the sensors. This is what a robot's controller reports as external
-        torque; a load in the tool is external to it.
-        """
+        torque; a load in the tool is external to it."""
         return self._arm.rigid_torque(q, qd, qdd) - self.read()

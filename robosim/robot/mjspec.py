@@ -21,8 +21,7 @@ MENAGERIE = "menagerie:"
 def read_model(path: Path) -> mujoco.MjSpec:
     """Read an MJCF or URDF file, without its keyframes and gravity compensation; all bodies have names.
 
-    Raises ConfigError with MuJoCo's reason for what cannot be read or compiled.
-    """
+    Raises ConfigError with MuJoCo's reason for what cannot be read or compiled."""
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; accepted: a model of MuJoCo (MJCF) or a URDF")
     try:
@@ -43,8 +42,7 @@ def locate_model(name: str, place: Path) -> Path:
     """Return the file of a model that is not ours; raises ConfigError.
 
     name: a path, relative to a folder `place`; NAME_description, of the package robot_descriptions; or menagerie:FOLDER
-    or menagerie:FOLDER/FILE, of a copy of MuJoCo Menagerie in the folder that the variable MUJOCO_MENAGERIE names.
-    """
+    or menagerie:FOLDER/FILE, of a copy of MuJoCo Menagerie in the folder that the variable MUJOCO_MENAGERIE names."""
     if name.startswith(MENAGERIE):
         return find_in_menagerie(name.removeprefix(MENAGERIE))
     if re.fullmatch(r"\w+_description", name) is None:
@@ -85,8 +83,7 @@ def quiet_attachment() -> Iterator[None]:
     """Suppress MuJoCo's warnings about attaching with an empty prefix, and a part with options of its own.
 
     A laboratory's names of joints and bodies are kept; names that occur twice are an error of `compile_spec`. The
-    options that hold are those of the scene.
-    """
+    options that hold are those of the scene."""
     mujoco.set_mju_user_warning(lambda text: None)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*prefix.*|Attach conflict.*")

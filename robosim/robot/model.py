@@ -1,8 +1,7 @@
 """The arm's kinematics, Jacobian and inverse dynamics, by Pinocchio on the robot-only model.
 
 The model is written from MuJoCo's compiled one with all digits: Pinocchio reads only the first body and drops <frame>
-elements, and MuJoCo's own writer rounds to six digits.
-"""
+elements, and MuJoCo's own writer rounds to six digits."""
 
 import tempfile
 import xml.etree.ElementTree as ET
@@ -45,8 +44,7 @@ class Arm:
     """The n joints of an arm with hand and tool.
 
     The fingers' joints stay at their neutral angles. Vectors q, qd and qdd hold angles [rad], speeds [rad/s] and
-    accelerations [rad/s^2] of the joints from the base to the flange, shape (n,).
-    """
+    accelerations [rad/s^2] of the joints from the base to the flange, shape (n,)."""
 
     def __init__(self, assembly: Assembly) -> None:
         self.assembly, robot = assembly, assembly.robot
@@ -119,8 +117,7 @@ class Arm:
         """Return how far [m] a point (3,) lies outside the ball about the second joint that holds all tool poses.
 
         Its radius is the length of the chain from there to the tool's frame with all joints in one line; where it is
-        negative the point may still be out of reach.
-        """
+        negative the point may still be out of reach."""
         pinocchio.forwardKinematics(self.model, self.data, self.neutral)
         tool = pinocchio.updateFramePlacement(self.model, self.data, self.frame).translation
         places = [*(self.data.oMi[k].translation for k in self._ids[1:]), tool]

@@ -1,8 +1,7 @@
 """An arm as a value: model, joints from base to flange, limits and gains, each with its source.
 
 Any MJCF or URDF of a serial arm of 5 to 8 joints serves. What the model says is not asked for again; what neither the
-model nor the configuration says is an error, or an assumption that is named in `Robot.sources`.
-"""
+model nor the configuration says is an error, or an assumption that is named in `Robot.sources`."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
@@ -82,8 +81,7 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     """Read an arm's model and complete it with its configuration; place: folder of the file with relative paths.
 
     Raises ConfigError, UnknownName for a model that cannot be read, without the flange, that is no serial arm of 5 to
-    8 joints, or whose limits nothing says.
-    """
+    8 joints, or whose limits nothing says."""
     path = locate_model(config.model, place)
     spec = read_model(path)
     bodies = place_flange(spec, config.flange, config.mount_turn_deg, path)
@@ -118,8 +116,7 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
 def place_flange(spec: mujoco.MjSpec, name: str, angle_deg: float, path: Path) -> list[Any]:
     """Give a flange a site of its body itself, turned about its z; returns the bodies from the base on to it.
 
-    The flange may be a site, however the file places it, or a body; raises UnknownName for neither.
-    """
+    The flange may be a site, however the file places it, or a body; raises UnknownName for neither."""
     site = next((site for site in spec.sites if site.name == name), None)
     body = site.parent if site is not None else next((b for b in spec.bodies if b.name == name), None)
     if body is None:

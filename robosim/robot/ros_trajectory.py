@@ -20,8 +20,7 @@ def make_joint_trajectory(motion: JointMotion, joints: Sequence[str], names: Joi
     Points hold positions [rad], velocities [rad/s], accelerations [rad/s^2] and the time from the start. start [s]: at
     which the motion begins; before it the arm rests at the motion's first point. joints: the model's names of them.
     names: of frame and joints; None: no frame, and the model's. Raises ConfigError, UnknownName for joint names that
-    cannot be used.
-    """
+    cannot be used."""
     names = names or JointTrajectoryConfig()
     joint_names = name_joints(joints, names)
     times = start + np.linspace(0.0, motion.duration, int(np.ceil(motion.duration / POINT_INTERVAL)) + 1)
@@ -37,8 +36,7 @@ def make_gripper_commands(hand: Hand, changes: Sequence[tuple[float, bool]]) -> 
     """Make the commands of a hand that is open or closed at times [s], as plain Python values.
 
     changes: (time, whether it is closed then); between two it moves. Values are those of the model's actuators; times
-    count from the start, as those of the trajectory do.
-    """
+    count from the start, as those of the trajectory do."""
     return {"actuator_names": list(hand.open),
             "points": [{"positions": list((hand.closed if is_closed else hand.open).values()),
                         "time_from_start": _split(time)} for time, is_closed in changes]}

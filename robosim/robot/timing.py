@@ -49,8 +49,7 @@ def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: MotionLimits) -
     """Compute the factors (n,) on time that put a motion at its limits.
 
     At these, speed, acceleration or jerk would be at its limit. q (n, joints): joint angles [rad] at `times` (n,) [s].
-    Above 1 the motion is too fast.
-    """
+    Above 1 the motion is too fast."""
     spline = make_interp_spline(times, q, k=5)
     shares = [(np.abs(spline.derivative(k)(times)) / most).max(1) ** (1.0 / k) for k, most in enumerate(limits, 1)]
     return np.max(shares, axis=0)
@@ -90,8 +89,7 @@ class _Segments:
 class StraightMotion(_Segments):
     """Motion straight from corner to corner in joint space, at rest in each of them, within limits.
 
-    corners (k, n) [rad]. Ruckig times the way along each straight line, as a single coordinate from 0 to 1.
-    """
+    corners (k, n) [rad]. Ruckig times the way along each straight line, as a single coordinate from 0 to 1."""
 
     delay = 0.0
     """Time [s] by which limits delay its end."""
@@ -117,8 +115,7 @@ class SmoothMotion(_Segments):
     times (n,) [s], q (n, joints) [rad]: the samples. Knots have the path's own speed and acceleration, so the motion
     does not stop at them. Where the limits do not allow the path's timing, the segment takes longer and the rest of the
     motion is delayed. waypoint_times: name -> time [s], and joints: names, for messages. Raises ConfigError where the
-    path exceeds a limit, or the delay exceeds MAX_DELAY.
-    """
+    path exceeds a limit, or the delay exceeds MAX_DELAY."""
 
     def __init__(self, times: np.ndarray, q: np.ndarray, limits: MotionLimits, waypoint_times: dict[str, float],
                  joints: Sequence[str]) -> None:
@@ -157,8 +154,7 @@ class SmoothMotion(_Segments):
     def _plan_segment(self, a: JointState, b: JointState, duration: float) -> Trajectory:
         """Plan the motion from a to b in `duration` [s], or else as fast as possible, with as little jerk as possible.
 
-        Ruckig uses the full jerk limit in every phase, so that a high limit causes ripples.
-        """
+        Ruckig uses the full jerk limit in every phase, so that a high limit causes ripples."""
         limits = self._limits.jerk
         jerk = np.array([self._find_least_jerk(a, b, duration, joint) for joint in range(len(limits))])
         while True:

@@ -19,8 +19,7 @@ class Container:
 
     name: of its body; of models/containers, too, unless keys give a model, size, radius with height, or mesh. keys: of
     `robosim.config.scene.ContainerConfig`, such as position. Raises ConfigError for a wrong mesh, and ValueError
-    (pydantic.ValidationError) for wrong keys.
-    """
+    (pydantic.ValidationError) for wrong keys."""
 
     def __init__(self, name: str, **keys: object) -> None:
         self.name, self.config = name, ContainerConfig.model_validate(keys)

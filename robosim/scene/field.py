@@ -53,8 +53,7 @@ def build_field(scene: SceneConfig, law: Law, tool_pose: mpm.Pose,
     """Build the solver of a scene, with the tool at its initial world pose and the grains where they are placed.
 
     They begin under their own weight, unless the scene comes to rest first. Raises ConfigError for a tool with holes
-    that is a solid, or whose material grain_diameter is missing.
-    """
+    that is a solid, or whose material grain_diameter is missing."""
     field, tool = scene.field, build_tool_lattice(scene)
     head = tool_shape(scene.tool).head_shell if scene.tool_wall == "shell" else tool
     # as the plugin will want it: a collider that it has to change makes the solver anew
@@ -162,8 +161,7 @@ def check_field(config: RehearsalConfig, law: Law) -> None:
     """Refuse numbers that the field cannot work with, before any work.
 
     Raises mpm.TimeStepTooLarge for field.dt, ConfigError for fill heights that exceed container or tool, for too
-    many grains or substeps, and for a region that does not hold the containers or the pile.
-    """
+    many grains or substeps, and for a region that does not hold the containers or the pile."""
     if config.field.dt is not None:
         check_step(config.field.dt, config.field.cell, [law], "field.dt")
     check_substeps("host_dt", config.host_dt, config.field.dt or accepted_bound(config.field.cell, law))

@@ -17,8 +17,7 @@ SALT = (0.93, 0.93, 0.95)
 class GrainRenderer:
     """Draws a copy of a specification with the grains of a solver, which have a colour.
 
-    width, height: of pictures, in pixels. Raises RenderingUnavailable where there is no OpenGL.
-    """
+    width, height: of pictures, in pixels. Raises RenderingUnavailable where there is no OpenGL."""
 
     def __init__(self, spec: mujoco.MjSpec, solver: mpm.Solver, *, colour: tuple[float, float, float] = SALT,
                  width: int = 1280, height: int = 720) -> None:
@@ -33,8 +32,7 @@ class GrainRenderer:
     def draw(self, data: mujoco.MjData, camera: str | mujoco.MjvCamera | None = None) -> NDArray[np.uint8]:
         """Draw the present state (height, width, 3): bodies as in data, grains as in the solver.
 
-        camera: of the specification, or a free one; None: a free one that sees everything.
-        """
+        camera: of the specification, or a free one; None: a free one that sees everything."""
         self._data.qpos[:], self._data.mocap_pos[:] = data.qpos, data.mocap_pos
         self._data.mocap_quat[:] = data.mocap_quat
         if camera is None:

@@ -40,8 +40,7 @@ def fill(scene: SceneConfig, tool: Lattice, tool_pose: mpm.Pose, seed: int = 0, 
     tool: its signed distance in its own frame. Where the scene says how many grains there are, they take the lowest
     places, under a surface with a slope along the x axis of container or pile; otherwise all is filled up to its
     height, with as many grains in a cell as the scene says. Raises ConfigError for a height in which no grain fits,
-    mpm.InvalidValue where a number of grains does not fit.
-    """
+    mpm.InvalidValue where a number of grains does not fit."""
     rng, count, slope = np.random.default_rng(seed), scene.grain_count, float(np.tan(np.radians(slope_deg)))
     volume = 0.0 if count is None else grain_volume(scene)
     spacing = scene.field.cell / scene.field.grains_per_cell ** (1.0 / 3.0) if count is None else volume ** (1.0 / 3.0)
@@ -119,8 +118,7 @@ def fill_container(shape: ContainerShape, height: float, spacing: float, cell: f
                    rng: np.random.Generator) -> Filling:
     """Fill a container up to a height [m] above its floor, in its own frame, but for what lies deep in its walls.
 
-    spacing: between grains [m]. cell: of the field [m], from which the thickness of the collider's walls follows.
-    """
+    spacing: between grains [m]. cell: of the field [m], from which the thickness of the collider's walls follows."""
     local, volume = shape.fill(height, spacing, rng)
     return Filling(leave_out_buried(local, shape.distance(CONTAINER_WALL * cell, CONTAINER_SPACING), spacing), volume)
 
@@ -128,8 +126,7 @@ def fill_container(shape: ContainerShape, height: float, spacing: float, cell: f
 def leave_out_buried(positions: np.ndarray, walls: Shape, spacing: float) -> np.ndarray:
     """Return those of positions [m] (n, 3), `spacing` [m] apart, that do not lie deep in walls in whose frame they are.
 
-    The inside of a mesh is known by cells, which reach into its walls by up to half a cell.
-    """
+    The inside of a mesh is known by cells, which reach into its walls by up to half a cell."""
     return positions[walls.distance(positions) > -BURIED * spacing]
 
 

@@ -25,8 +25,7 @@ def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly, stand: mpm.Pose
     arm moves, as MuJoCo's contacts neglect the rate of their Jacobian, the hand's centripetal acceleration. A stiff
     weld holds the tool until `Grasp.release`: to the palm, or where it stands in the world. Contact uses the elliptic
     cone with stiff friction: under the pyramidal cone a held tool creeps. Raises ConfigError for a tool that is bolted
-    to the flange.
-    """
+    to the flange."""
     if assembly.hand is None or assembly.tool is None:
         raise ConfigError("grasp: friction with gripper: none; accepted: grasp: weld, or a gripper")
     body = spec.body(assembly.tool.name)
@@ -87,8 +86,7 @@ class Grasp:
     def close(self, progress: float) -> None:
         """Command the fingers between open (0) and closed (1), at most the hand's squeeze beyond their present place.
 
-        That is the middle between the finger that has closed most and the one that has closed least.
-        """
+        That is the middle between the finger that has closed most and the one that has closed least."""
         if not self._fingers:
             return
         if np.isfinite(self._squeeze):

@@ -91,8 +91,7 @@ def assemble(tool: str | ToolConfig | None, robot: str | ArmConfig = "iiwa14",
     """Put together an arm, a hand and a tool by their names, files or tables.
 
     tool None: an empty hand; gripper None: the arm's usual hand; base: where the arm stands, None: where its file says.
-    Paths in tables are absolute, or relative to the working directory. Raises ConfigError, UnknownName.
-    """
+    Paths in tables are absolute, or relative to the working directory. Raises ConfigError, UnknownName."""
     arm = load_arm(robot) if isinstance(robot, str) else load_robot_model(robot, Path())
     gripper = arm.gripper if gripper is None else gripper
     hand = load_hand(gripper) if isinstance(gripper, str) else load_hand_model(gripper, Path())

@@ -11,8 +11,7 @@ def settle(solver: mpm.Solver, advance: Callable[[float], object], duration: flo
 
     advance: advances the solver by a time [s]. duration: time [s] in all; after each `window` [s] all velocities are
     multiplied by velocity_factor. The affine velocity C is unchanged: the next substep takes its strain increment from
-    it, which the positions have already followed.
-    """
+    it, which the positions have already followed."""
     for _ in range(round(duration / window)):
         advance(window)
         state = solver.state()

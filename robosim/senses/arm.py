@@ -58,8 +58,7 @@ class WristTerm(Term):
 
     With the arm: of the sensor between flange and hand, in its axes, with the weight of hand and tool. Without: the
     force and torque that hold the tool against its grains, in the tool's axes. tare: whether the value at the start of
-    the episode is subtracted.
-    """
+    the episode is subtracted."""
 
     name, unit = "wrist", "N, N m"
     reads_sensors = True

@@ -17,8 +17,7 @@ class ArmSampler:
 
     torque: of the joints' sensors [N m] (n,). external: torques [N m] (n,) that the controller estimates from them.
     wrist: force [N] and torque [N m] (6,) of the wrist sensor in its own axes. The scene needs the sensors that
-    `robosim.robot.assembly` adds.
-    """
+    `robosim.robot.assembly` adds."""
 
     def __init__(self, scene: Scene, data: mujoco.MjData, arm: Arm) -> None:
         self._scene, self._data, self._arm = scene, data, arm

@@ -19,8 +19,7 @@ class GrainsTerm(Term):
     """Grains of the field, which no sensor sees.
 
     layout: "particles" (position and velocity), "positions", "velocities" or "moments" (statistics of all grains).
-    every: True for all grains; False for those that the task observes.
-    """
+    every: True for all grains; False for those that the task observes."""
 
     name, unit = "grains", "m, m/s"
     privileged = all_grains = True

@@ -28,8 +28,7 @@ class HeightMapTerm(Term):
     """Heights [m] of grains, container and table, without tool and arm, on a raster that is seen from straight above.
 
     lower, upper [m] (2,): corners of the region; without them, 20 mm around the container, or around the places where
-    the grains begin and shall end. pixels: along x and y.
-    """
+    the grains begin and shall end. pixels: along x and y."""
 
     name, unit = "height_map", "m"
     all_grains = True

@@ -15,8 +15,7 @@ FAR_PLACE = np.array([1.5, 1.5, 0.0])
 class ToolTerm(Term):
     """Position of the tool's frame in the world, and its quaternion (w, x, y, z) where the task turns the tool.
 
-    Where the robot takes the tool to be: without an error of its place in the hand.
-    """
+    Where the robot takes the tool to be: without an error of its place in the hand."""
 
     name, unit = "tool", "m, 1"
 

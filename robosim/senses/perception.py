@@ -3,8 +3,7 @@
 The layouts are lists of terms. flat: position and velocity (n, 6) of every `observe_every`-th grain, row by row, then
 tool pose and time; all: the same of every grain; positions, velocities: only these (n, 3); none: no grains; dict: the
 terms in a dictionary; moments: statistics of all grains, whose number of entries does not depend on the number of
-grains. In a dosing task the mass to dose [kg], "target", stands before the time.
-"""
+grains. In a dosing task the mass to dose [kg], "target", stands before the time."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, get_args
@@ -38,8 +37,7 @@ class Perception:
     obs: None: "flat", or of a dosing task the terms that tell what has been poured. flatten: whether terms make up one
     array instead of a dictionary. privileged: terms of `info["privileged"]`, for a critic or a teacher. timing:
     latency, noise, dropout of all terms that do not say otherwise.
-    Raises UnknownName, ConfigError for options that cannot be used.
-    """
+    Raises UnknownName, ConfigError for options that cannot be used."""
 
     def __init__(self, task: TaskConfig, obs: Terms | None = None, *, flatten: bool = False,
                  privileged: Sequence[TermOptions] = (), timing: Mapping[str, float] = NOTHING) -> None:

@@ -30,8 +30,7 @@ class DepthTerm(Term):
     """Depth [m] along the optical axis, row by row; zero where there is nothing, or nothing within `farthest`.
 
     camera: a name, or {"position": [m] (3,), "look_at": [m] (3,), "fovy_deg": 45}. width, height: in pixels.
-    noise_model: "structured_light", "stereo" or None for exact depth.
-    """
+    noise_model: "structured_light", "stereo" or None for exact depth."""
 
     name, unit = "depth", "m"
     all_grains = True
@@ -66,8 +65,7 @@ class PointCloudTerm(DepthTerm):
     """Points [m] in the world that a depth camera sees within the field's region.
 
     points: their number; drawn evenly among the pixels that see something there, again where there are fewer, and at
-    the region's lower corner where there is none. Other options as of `DepthTerm`.
-    """
+    the region's lower corner where there is none. Other options as of `DepthTerm`."""
 
     name, unit = "point_cloud", "m"
 
@@ -114,8 +112,7 @@ class TaskPicture:
 class RgbTerm(Term):
     """Colour picture of a camera (height, width, 3), by the renderer of films; needs OpenGL.
 
-    Options as of `DepthTerm`.
-    """
+    Options as of `DepthTerm`."""
 
     name, unit = "rgb", "1/255"
     all_grains = True

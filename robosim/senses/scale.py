@@ -21,8 +21,7 @@ class ScaleTerm(Term):
 
     lag: time constant [s] of its filter; a balance that settles within 1 s shows 99 % of a change after 4.6 lags.
     readability [kg]: step of the display. repeatability [kg]: standard deviation before rounding. drift [kg/s]: that
-    of the slope with which the zero moves. The defaults are assumed, of a laboratory's precision balance of 0.01 g.
-    """
+    of the slope with which the zero moves. The defaults are assumed, of a laboratory's precision balance of 0.01 g."""
 
     name, unit = "scale", "kg"
     all_grains = True
@@ -55,8 +54,7 @@ class ScaleTerm(Term):
     def _mass(self, sight: Sight) -> float:
         """Return the mass [kg] of the grains above the balance that the tool does not hold.
 
-        Those that still fall count, too: a steady stream's momentum, rate x speed, presses as its weight in the air.
-        """
+        Those that still fall count, too: a steady stream's momentum, rate x speed, presses as its weight in the air."""
         x = sight.grains[:, :3].astype(float)
         is_on = self._region.holds((sight.setting.place @ self._pose).inverse().apply(x))
         is_on &= ~self._inside_tool.holds(sight.pose.inverse().apply(x))

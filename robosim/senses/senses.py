@@ -40,8 +40,7 @@ class Choice(NamedTuple):
 def read_choices(terms: Sequence[TermOptions], common: Mapping[str, Any], what: str = "obs") -> list[Choice]:
     """Return the terms that a list chooses; common: latency, noise, dropout of all terms.
 
-    Raises UnknownName for a term that does not exist, ConfigError for a list or options that cannot be used.
-    """
+    Raises UnknownName for a term that does not exist, ConfigError for a list or options that cannot be used."""
     if isinstance(terms, str) or not 1 <= len(terms) <= MOST_TERMS:
         raise ConfigError(f"{what} = {terms!r}; accepted: a list of 1 to {MOST_TERMS} terms of: "
                           f"{', '.join(sorted(TERMS))}")
@@ -84,8 +83,7 @@ class Senses:
     """Observations of chosen terms: a dictionary of their values, or one array of single-precision numbers.
 
     flat: whether it is one array. is_layout: values are not cut at the bounds of the space, and parts of a term have
-    slices of their own. Raises ConfigError for a term that needs what the scene does not have, and for its options.
-    """
+    slices of their own. Raises ConfigError for a term that needs what the scene does not have, and for its options."""
 
     def __init__(self, scene: SenseScene, choices: Sequence[Choice], *, flat: bool = False,
                  is_layout: bool = False) -> None:

@@ -60,8 +60,7 @@ class SenseScene(NamedTuple):
 class Term(ABC):
     """One part of an observation: name, unit, space, and how it is measured; float32, or uint8 for pictures.
 
-    A term keeps nothing from step to step; what it has to remember of an episode, `begin` returns for `measure`.
-    """
+    A term keeps nothing from step to step; what it has to remember of an episode, `begin` returns for `measure`."""
 
     name: ClassVar[str]
     unit: ClassVar[str]

@@ -1,7 +1,6 @@
 """Shapes of tools and containers, from meshes or sizes.
 
-Imports: base, config, mpm.
-"""
+Imports: base, config, mpm."""
 
 from robosim.shapes.tool import ToolShape, tool_shape
 

@@ -1,8 +1,7 @@
 """The inside of a vessel, found from its mesh: the space that holds water while the vessel is level.
 
 A place holds water if no way out of it leads over places that are no higher. Closed hollows, into which nothing can be
-poured, are no part of it.
-"""
+poured, are no part of it."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -84,8 +83,7 @@ def find_inside(solid: trimesh.Trimesh | list[trimesh.Trimesh], cells: int = CEL
     """Return what closed meshes, z up, hold together; raises ConfigError where they hold nothing.
 
     It is found among `cells` cells along their longest edge, twice as many where these are too large, and then again
-    among as many around what was found: a small bowl on a long handle is measured as well as a bowl alone.
-    """
+    among as many around what was found: a small bowl on a long handle is measured as well as a bowl alone."""
     parts = solid if isinstance(solid, list) else [solid]
     low, extents = span(parts)
     spacing = float(extents.max()) / cells
@@ -108,8 +106,7 @@ def find_inside(solid: trimesh.Trimesh | list[trimesh.Trimesh], cells: int = CEL
 def hold_water(parts: list[trimesh.Trimesh], low: np.ndarray, extents: np.ndarray, spacing: float) -> Inside:
     """Return the cells of a box, low (3,) and extents (3,) [m], that hold water; it flows off at the box's border.
 
-    No water passes the surface of a mesh, however thin the wall is.
-    """
+    No water passes the surface of a mesh, however thin the wall is."""
     lower = low - BORDER * spacing
     shape = tuple(int(n) for n in np.ceil(extents / spacing).astype(int) + 2 * BORDER + 1)
     free, skin = find_free(parts, lower, spacing, shape), find_skin(parts, lower, spacing, shape)

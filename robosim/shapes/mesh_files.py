@@ -1,8 +1,7 @@
 """Meshes of a laboratory's own tools and containers: read, checked, and made closed.
 
 A closed part is a solid, an open one the middle of a wall. What is wrong with a file is refused by name, because a tool
-that leaks or holds the wrong volume looks right in every picture.
-"""
+that leaks or holds the wrong volume looks right in every picture."""
 
 from pathlib import Path
 
@@ -30,8 +29,7 @@ def read_parts(path: Path, thickness: float | None = None, scale: float = 1.0) -
     """Read the connected parts of a file as closed meshes [m], normals outward; they may overlap.
 
     thickness: of the walls [m] about open parts, half of it to each side. scale: of the file's unit. Raises ConfigError
-    for an open part without a thickness or the reverse, and for a part or a wall that cuts itself.
-    """
+    for an open part without a thickness or the reverse, and for a part or a wall that cuts itself."""
     parts = split_parts(read_mesh(path, scale))
     if thickness is not None and all(part.is_watertight for part in parts):
         raise ConfigError(f"{path}: closed, and thickness = {thickness} m is given; accepted: an open surface with a "
@@ -71,8 +69,7 @@ def turn_from_wall(face: trimesh.Trimesh, solids: list[trimesh.Trimesh], wall: f
 def read_directions(path: Path, parts: list[trimesh.Trimesh]) -> Array:
     """Read the normals (n, 3) of a file's vertices, as they are; parts: what `read_parts` returns for the file.
 
-    Raises ConfigError for a file of several parts, and for normals that let no vertex stay where it is.
-    """
+    Raises ConfigError for a file of several parts, and for normals that let no vertex stay where it is."""
     mesh = trimesh.load(path, process=False)  # with `force` the normals would be computed
     if not isinstance(mesh, trimesh.Trimesh) or len(parts) > 1 or len(mesh.vertices) != len(parts[0].vertices):
         raise ConfigError(f"{path}: {len(parts)} parts, or several vertices at a place; accepted with thicken: "

@@ -69,8 +69,7 @@ def add_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh) -> None:
 def split_wall(shape: ContainerShape) -> list[trimesh.Trimesh]:
     """Split a container's wall into the hulls of its sectors.
 
-    Together they hold all of the wall; where a sector is curved its hull reaches beyond it.
-    """
+    Together they hold all of the wall; where a sector is curved its hull reaches beyond it."""
     lower, upper = shape.bounds
     centre = np.array([*(0.5 * (lower + upper))[:2], upper[2]])
     fine = subdivide(shape.walls(), 0.4 * float(np.linalg.norm(upper - lower)) / BANDS)

@@ -15,8 +15,7 @@ CONTAINER_CORNER = 0.008
 def superellipse(a: float, b: float, exponent: float = 2.0, count: int = 40) -> Array:
     """Sample points (count, 2) of |x/a|^e + |y/b|^e = 1.
 
-    Counter-clockwise from +x; half axes a, b [m]. Exponent 2 is an ellipse, 4 to 8 a rounded rectangle.
-    """
+    Counter-clockwise from +x; half axes a, b [m]. Exponent 2 is an ellipse, 4 to 8 a rounded rectangle."""
     angle = 2.0 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     # points of the ellipse are moved along its rays: they are spread better than with powers of sin and cos
@@ -36,8 +35,7 @@ def join_rows(k: int, n: int, closed: bool = True) -> NDArray[np.int64]:
 def loft(sections: ArrayLike, apexes: tuple[ArrayLike | None, ArrayLike | None] = (None, None)) -> trimesh.Trimesh:
     """Join k closed sections (k, n, 3) [m] into a solid, whose two ends are closed by triangle fans.
 
-    apexes: centre points (3,) of the fans; None: the mean of the end section (a flat cap).
-    """
+    apexes: centre points (3,) of the fans; None: the mean of the end section (a flat cap)."""
     rings = np.asarray(sections, float)
     k, n, _ = rings.shape
     tips = [ring.mean(axis=0) if tip is None else np.asarray(tip, float)
@@ -56,8 +54,7 @@ def loft(sections: ArrayLike, apexes: tuple[ArrayLike | None, ArrayLike | None] 
 def revolve(profile: ArrayLike, segments: int = 40) -> trimesh.Trimesh:
     """Revolve a profile (n, 2) of (radius, height) [m] about the z axis.
 
-    A first or last radius of zero becomes a pole, else the end is closed by a flat disc.
-    """
+    A first or last radius of zero becomes a pole, else the end is closed by a flat disc."""
     curve = np.asarray(profile, float)
     tips: list[Array | None] = [None, None]
     for end, index in ((0, 0), (1, -1)):
@@ -74,8 +71,7 @@ def revolve(profile: ArrayLike, segments: int = 40) -> trimesh.Trimesh:
 def make_face(rows: ArrayLike, pole: ArrayLike, *, closed: bool = True) -> trimesh.Trimesh:
     """Make an open surface through rows of points (k, n, 3), whose first row a fan about the pole (3,) closes.
 
-    closed: whether each row is a ring; otherwise it is a curve, and so are the surface's long sides.
-    """
+    closed: whether each row is a ring; otherwise it is a curve, and so are the surface's long sides."""
     grid = np.asarray(rows, float)
     k, n, _ = grid.shape
     here = np.arange(n if closed else n - 1)

@@ -30,8 +30,7 @@ FOREMOST = 1e-6
 class ToolShape:
     """Shape of a tool, in its mesh's frame: z up while the tool is level; lengths in metres.
 
-    Raises ConfigError for what is wrong with meshes, handle or inside.
-    """
+    Raises ConfigError for what is wrong with meshes, handle or inside."""
 
     def __init__(self, config: ToolConfig) -> None:
         path, handle = Path(config.mesh), config.handle
@@ -221,8 +220,7 @@ def measure_radius(mesh: trimesh.Trimesh, line: tuple[Array, Array], name: str) 
 def find_lip(surface: trimesh.Trimesh) -> Array | None:
     """Return the place [m] (3,) over which a tool with an inner face pours; None for a face without a rim.
 
-    It is the foremost of the rim, along x, in the middle of such places along y, and the lowest of them.
-    """
+    It is the foremost of the rim, along x, in the middle of such places along y, and the lowest of them."""
     edges, counts = np.unique(surface.edges_sorted, axis=0, return_counts=True)
     rim = surface.vertices[np.unique(edges[counts == 1])]
     if not len(rim):

@@ -2,5 +2,4 @@
 
 Verification, calibration, tuning, robustness, benchmarks and evaluation.
 
-Imports: nothing of the project.
-"""
+Imports: nothing of the project."""

@@ -10,8 +10,7 @@ from mpm.scene.sampling import JITTER
 def rim(radius: float, a: float) -> float:
     """Return the radius [m] of the deposit of a column of sand, a radii high.
 
-    Source: fit of Lube et al. 2004, J. Fluid Mech. 508:175.
-    """
+    Source: fit of Lube et al. 2004, J. Fluid Mech. 508:175."""
     return radius * (1 + (1.24 * a if a < 1.7 else 1.6 * math.sqrt(a)))
 
 
@@ -20,8 +19,7 @@ def fill_column(radius: float, height: float, cell: float, rng: np.random.Genera
     """Return positions [m] (n, 3) about the column's foot, jittered sites of a lattice of half cells.
 
     per_cell: 8 for all sites, 4 for the face-centred half, 2 for the body-centred quarter; the number of particles does
-    not depend on the jitter.
-    """
+    not depend on the jitter."""
     half = cell / 2
     n, layers = math.ceil(radius / half), max(round(height / half), 2)
     sites = np.stack(np.meshgrid(*[np.arange(0 if quarter else -n, n)] * 2, np.arange(layers), indexing="ij"), -1)

@@ -49,8 +49,7 @@ def move_pose(pose: mpm.Pose, task: TaskConfig, linear: np.ndarray, angular: np.
 class DelayLine:
     """Velocities that were commanded and that the robot has yet to carry out; at rest in the beginning.
 
-    steps: for which each is delayed. rest: what is carried out until then.
-    """
+    steps: for which each is delayed. rest: what is carried out until then."""
 
     def __init__(self, steps: int, rest: Velocity = AT_REST) -> None:
         self.steps, self._rest = steps, rest
@@ -89,8 +88,7 @@ class ActionScaling:
     def velocities(self, action: np.ndarray, name: str = "action") -> Velocity:
         """Convert an action (size,) to velocities of the tool; name: what messages call the action.
 
-        Raises ConfigError for a wrong shape or dtype, and for a component outside -1 to 1.
-        """
+        Raises ConfigError for a wrong shape or dtype, and for a component outside -1 to 1."""
         values = np.asarray(action)
         if values.shape != self.space.shape:
             raise ConfigError(f"{name} has shape {values.shape}; accepted: {self.space.shape}")

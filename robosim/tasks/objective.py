@@ -1,8 +1,7 @@
 """Differentiable counterpart of a sub-task's reward, for demonstrations by gradient descent.
 
 Terms that count grains have no gradient and are left out (arXiv 2406.09178, Algorithm 2). Two terms are added: the
-distance from the tool to its material, and the depth by which the tool enters a container's clearance.
-"""
+distance from the tool to its material, and the depth by which the tool enters a container's clearance."""
 
 import math
 
@@ -30,8 +29,7 @@ def build_objective(task: TaskConfig) -> Loss:
     """Build the loss of an episode: minus the reward's distance up to a constant, plus the error of the tool's turn.
 
     Where grains are poured, the height of each grain above the bounds' lower plane replaces the count of poured grains.
-    Raises ConfigError for a task whose reward has no distance.
-    """
+    Raises ConfigError for a task whose reward has no distance."""
     distance, n = find_term(task.reward, Distance), task.grains.counted
     if distance is None:
         raise ConfigError("objective: a reward without distance, such as that of a dose, has no gradient; accepted: a "

@@ -1,7 +1,6 @@
 """How far an episode has come, by its grains or by the dosed mass: readings, success, and an end before its time.
 
-Masses are in kg. What is poured is the mass in the receiver; in a task without one, the mass in the tool.
-"""
+Masses are in kg. What is poured is the mass in the receiver; in a task without one, the mass in the tool."""
 
 import copy
 import math
@@ -53,8 +52,7 @@ class Outcome:
     def step(self, counts: mpm.Counts, pose: mpm.Pose, rotation: float, last: bool) -> Step:
         """Return what the terms of the reward are computed from, also which grains closest to the goal count.
 
-        pose: of the tool. rotation [rad]: of it about its lateral axis since the start.
-        """
+        pose: of the tool. rotation [rad]: of it about its lateral axis since the start."""
         distance, self.on_target = counts.distance, counts.in_region
         if counts.per_particle is not None:
             distances, on_target = counts.per_particle.T
@@ -67,8 +65,7 @@ class Outcome:
     def readings(self, counts: mpm.Counts) -> dict[str, float]:
         """Return physical readings that do not depend on the weights.
 
-        delivered, retained: shares of the counted grains; spilled: share of the observed grains.
-        """
+        delivered, retained: shares of the counted grains; spilled: share of the observed grains."""
         task, n = self.task, self.task.grains.counted
         pours, observed = "poured" in task.reward, task.grains.count // task.grains.observe_every
         return {"delivered": (self.poured_on_target if pours else self.on_target) / n,
@@ -125,8 +122,7 @@ class Dose(Outcome):
         """Return where the grains are, by their mass [kg]; the sum is the load.
 
         poured: in the receiver; in a task without one, in the tool. spilled: beside the receiver, below its rim; in a
-        task without one, outside the bounds. held: in the tool. elsewhere: in the air, or in the container.
-        """
+        task without one, outside the bounds. held: in the tool. elsewhere: in the air, or in the container."""
         n, held = self.task.grains.count, counts.in_inner
         if self.task.receiver is None:
             numbers = held, counts.exited, held, n - held - counts.exited
@@ -139,8 +135,7 @@ class Dose(Outcome):
     def readings(self, counts: mpm.Counts) -> dict[str, float]:
         """Return the dose: masses [kg], the error in kg and in % of the target, and the time [s].
 
-        overshoot: by how much the mass has been above the target.
-        """
+        overshoot: by how much the mass has been above the target."""
         masses = self.masses(counts)
         error = masses["poured"] - self.target
         return {"poured": masses["poured"], TARGET_MASS: self.target, "dose_error": error,
@@ -155,8 +150,7 @@ class Dose(Outcome):
 def load_mass(task: TaskConfig, density: float, volume: float) -> tuple[float, str]:
     """Return the largest mass [kg] that a dosing task can give, and what it is in words.
 
-    density: of the material [kg/m^3]. volume: of one grain [m^3]. A tool that begins empty is filled level at most.
-    """
+    density: of the material [kg/m^3]. volume: of one grain [m^3]. A tool that begins empty is filled level at most."""
     total = task.grains.count * volume * density
     if task.carried:
         return total, f"the {task.tool_name} holds"

@@ -78,8 +78,7 @@ class StartConfig(Table):
 class VibrationConfig(Table):
     """A vibration that is added to the commanded pose of the tool: a sine along one axis of the tool's frame.
 
-    Action 7 (of six motions, the next one) sets its amplitude from -1, none, to 1; action 8 its frequency.
-    """
+    Action 7 (of six motions, the next one) sets its amplitude from -1, none, to 1; action 8 its frequency."""
 
     amplitude: Annotated[float, Field(gt=0.0, le=5e-3)]
     """Amplitude [m] of an action of 1."""

@@ -45,8 +45,7 @@ FAR = 10.0
 class ScriptedPath:
     """Tool poses over time, eased between waypoints, with R = Rz(yaw) Ry(pitch).
 
-    times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world. pitches_deg (n,).
-    """
+    times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world. pitches_deg (n,)."""
 
     def __init__(self, yaw_deg: float, times: np.ndarray, positions: np.ndarray, pitches_deg: np.ndarray) -> None:
         self._yaw, self._times, self._positions, self._pitches = yaw_deg, times, positions, pitches_deg
@@ -66,8 +65,7 @@ class TaskConfig(SceneConfig):
     """A sub-task: a scene, a start, regions, and the terms of its reward. Paths in the file are relative to it.
 
     It has at most one container: filled, the tool scoops from it; empty, it is the receiver on a balance into which a
-    dosing task pours, upright, of sizes or of models/containers.
-    """
+    dosing task pours, upright, of sizes or of models/containers."""
 
     COMES_TO_REST: ClassVar[bool] = True
     HAS_HANDLE: ClassVar[bool] = False
@@ -265,8 +263,7 @@ def load_task(name: str, settings: Sequence[Setting] = ()) -> TaskConfig:
 def receiver_regions(containers: Any) -> dict[str, RegionConfig]:
     """Return target and bounds of a task with a receiver: its inside up to the rim, and all above; empty without one.
 
-    containers: as a file gives them, or their configurations; of what is refused elsewhere both are arbitrary.
-    """
+    containers: as a file gives them, or their configurations; of what is refused elsewhere both are arbitrary."""
     from robosim.scene.models import container_shape  # MuJoCo, which most files of tasks do not need
 
     for name, given in containers.items() if isinstance(containers, dict) else ():

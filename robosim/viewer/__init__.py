@@ -1,4 +1,3 @@
 """The viewer in a browser: recordings, also of runs that go on.
 
-Imports: recordings, rendering, mpm.
-"""
+Imports: recordings, rendering, mpm."""

@@ -1,4 +1,3 @@
 """Commands that measure errors and run time.
 
-Imports: base, envs, studies, tasks.
-"""
+Imports: base, envs, studies, tasks."""

@@ -1,4 +1,3 @@
 """Commands that simulate, and show what was simulated.
 
-Imports: base, conversion, dosing, envs, episode, recordings, rehearsal, studies.
-"""
+Imports: base, conversion, dosing, envs, episode, recordings, rehearsal, studies."""

@@ -28,8 +28,7 @@ def view(what: str, *, port: int, plan: bool = False, material: str | None = Non
     """Serve a page of a run's folder, a recording or a rehearsal until interrupted.
 
     plan: the planned motion of a rehearsal. material, out, settings: of a rehearsal that is begun, whose results go
-    into the folder `out`; None: a temporary one. Raises ConfigError for what cannot be shown or served, RunFailed.
-    """
+    into the folder `out`; None: a temporary one. Raises ConfigError for what cannot be shown or served, RunFailed."""
     with contextlib.ExitStack() as stack:
         editor = recording = None
         if plan:
@@ -59,8 +58,7 @@ def is_recorded(what: str) -> bool:
 def begin_run(name: str, material: str | None, out: Path | None, settings: list[Setting]) -> Iterator[Path]:
     """Begin a rehearsal, or an episode of a sub-task's script, in a process of its own; give its recording at once.
 
-    The process is ended with the viewer. Raises RunFailed.
-    """
+    The process is ended with the viewer. Raises RunFailed."""
     with tempfile.TemporaryDirectory(prefix="robosim-view-") as temporary:
         folder = out or Path(temporary)
         words = ["evaluate", name, "--episodes", "1"] if is_task(name) else ["rehearse", name]

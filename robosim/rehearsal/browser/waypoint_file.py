@@ -33,8 +33,7 @@ class WaypointFile:
         """Write the positions of these waypoints; return the file.
 
         A bundled rehearsal becomes NAME.yaml in the working directory. Raises ConfigError where that exists, or where
-        the file has changed and no longer has these waypoints.
-        """
+        the file has changed and no longer has these waypoints."""
         target = Path(f"{self.source.stem}.yaml") if self.is_bundled else self.source
         if self.is_bundled and target.exists():
             raise ConfigError(f"{target.resolve()}: exists; accepted: `robosim view {target} --plan` to edit it, or "
@@ -48,8 +47,7 @@ class WaypointFile:
 def replace_positions(text: str, source: Path, config: RehearsalConfig, names: list[str]) -> str:
     """Return the text of a rehearsal's file with the positions of some waypoints replaced by those of a configuration.
 
-    Raises ConfigError where the file has no such waypoint.
-    """
+    Raises ConfigError where the file has no such waypoint."""
     editor: Any = YAML()
     editor.preserve_quotes, editor.width = True, 4096
     editor.indent(mapping=2, sequence=4, offset=2)

@@ -1,7 +1,6 @@
 """`robosim bench`: speed of coupling, kinematics, environments and rendering.
 
-Each figure is the median of repeated runs in a process of its own.
-"""
+Each figure is the median of repeated runs in a process of its own."""
 
 import os
 import statistics
@@ -106,8 +105,7 @@ def measure_resets(name: str, kind: str, seeds: int = 6, turns: int = 8) -> dict
     kind: "alone"; "arm": with the whole arm; "vector": four that share a field, all reset at once. The same seeds are
     reset once before, untimed, and their starts have settled then; turns: how often each is timed. There is a step
     between two resets. Times are those of the processor, as resets wait for nothing and other processes disturb these
-    least. Functions that Taichi compiles after the first reset and step of both are counted.
-    """
+    least. Functions that Taichi compiles after the first reset and step of both are counted."""
     envs = {preset: GrainVectorEnv(name, 4, workers=1, randomize=preset) if kind == "vector" else
             GrainEnv(task=name, arm=kind == "arm", randomize=preset) for preset in ("nominal", "wide")}
     for env in envs.values():
@@ -156,8 +154,7 @@ DEFAULT_PARTS = [name for name in PARTS if not name.startswith(RESETS)]
 def bench(parts: list[str], out: Path | None) -> int:
     """Measure parts, DEFAULT_PARTS when the list is empty; print the figures and write bench.json.
 
-    Returns 0, or 1 where a part could not be measured. Raises UnknownName for a part that does not exist.
-    """
+    Returns 0, or 1 where a part could not be measured. Raises UnknownName for a part that does not exist."""
     for part in parts:
         if part not in PARTS:
             also = "field by itself" if part != "field" else "field is measured by itself, without other parts"

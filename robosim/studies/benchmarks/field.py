@@ -34,8 +34,7 @@ def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, ou
 
     yardsticks: folder of reference programs, whose speed each line is compared with. With several threads, or on a GPU
     (arch "cuda"), each line has the speed-up over one CPU thread. A scene that cannot run there has the reason.
-    Returns 0, or 1 where a scene could not run. Raises UnknownName for a scene that does not exist.
-    """
+    Returns 0, or 1 where a scene could not run. Raises UnknownName for a scene that does not exist."""
     for scene in scenes:
         if scene not in FIELD_SCENES:
             raise UnknownName("bench scene", scene, FIELD_SCENES)
@@ -98,8 +97,7 @@ def _time_probe(source: Path, grains: int) -> float | None:
 def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float]:
     """Time one scene in this process.
 
-    Returns compile_s, the compile time [s], and ns, the median nanoseconds per particle and substep.
-    """
+    Returns compile_s, the compile time [s], and ns, the median nanoseconds per particle and substep."""
     solver = build_scene(scene, grains)
     state = solver.state()
     begin = time.perf_counter()

@@ -1,4 +1,3 @@
 """Calibration: a material card from what a laboratory can measure, with intervals and a verdict.
 
-Imports: base, config, reports, mpm.
-"""
+Imports: base, config, reports, mpm."""

@@ -1,8 +1,7 @@
 """Files of measurements: height maps, profiles and curves of mass, with what makes them unusable.
 
 A heap is compared ring by ring about the column's axis; a ring's height is the mean of its readings. A map whose rings
-hold another volume than the column had is of another unit or scale, and is refused.
-"""
+hold another volume than the column had is of another unit or scale, and is refused."""
 
 import math
 from pathlib import Path
@@ -231,8 +230,7 @@ def _check_heights(place: str, heap: HeapExperiment, heights: np.ndarray, what: 
     """Return which heights [m] are no holes; what: they are of, for messages.
 
     Refuses too many holes, and heights, by a percentile, that no heap of this column has: above the column, or not
-    above the noise.
-    """
+    above the noise."""
     valid = np.isfinite(heights)
     if 1.0 - valid.mean() > MAX_HOLES:
         raise ConfigError(f"{place}: {1 - valid.mean():.0%} of the {what} have no height; accepted: up to "

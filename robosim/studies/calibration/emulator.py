@@ -2,8 +2,7 @@
 
 Outputs are divided by their errors first, so that all numbers here are in standard deviations of the readings; the
 numbers of the material are scaled to 0 to 1 in their ranges. A process has a length scale for each number and a term of
-noise, which takes up what the particles' places change. Source: Higdon et al. 2008, J. Am. Stat. Assoc. 103:570.
-"""
+noise, which takes up what the particles' places change. Source: Higdon et al. 2008, J. Am. Stat. Assoc. 103:570."""
 
 import warnings
 from typing import Any
@@ -22,8 +21,7 @@ is linear."""
 class Emulator:
     """Predicts an experiment's outputs from those of some runs.
 
-    points: (r, d) numbers of the material in [0, 1]; outputs: (r, n) in standard deviations of the readings.
-    """
+    points: (r, d) numbers of the material in [0, 1]; outputs: (r, n) in standard deviations of the readings."""
 
     def __init__(self, points: np.ndarray, outputs: np.ndarray) -> None:
         self._mean = outputs.mean(0)
@@ -44,8 +42,7 @@ class Emulator:
     def distribution(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean (n,) and covariance (n, n) of the outputs over points (m, d), the processes' own included.
 
-        A process moves all readings of an experiment together, and so do the numbers.
-        """
+        A process moves all readings of an experiment together, and so do the numbers."""
         means, variances = self._components(points)
         away = means - means.mean(0)
         components = away.T @ away / max(len(points) - 1, 1) + np.diag(variances.mean(0))
@@ -71,8 +68,7 @@ class Emulator:
 def fit_process(points: np.ndarray, values: np.ndarray) -> tuple[Any, np.ndarray]:  # sklearn's kernels have no types
     """Fit a process to values (r,) of unit variance at points (r, d) by maximum likelihood.
 
-    Return it and the inverse (r, r) of its covariance.
-    """
+    Return it and the inverse (r, r) of its covariance."""
     lengths: Any = np.full(points.shape[1], 0.5)
     kernel = ConstantKernel(1.0, (0.05, 100.0)) * Matern(lengths, LENGTHS, nu=2.5) + WhiteKernel(0.01, (1e-6, 1.0))
     process = GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)

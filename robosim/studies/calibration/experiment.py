@@ -3,8 +3,7 @@
 Tilted tray, shear cell, cup and heaped scoop have a closed form. In steady simple shear the cone carries tau = m (sigma
 + c / tan phi), with m = 2 sqrt(3) sin(phi) / (3 - sin(phi)): the law's own ratio, which the verification cases `slope`
 and `element_path` measure, and not tan(phi). c / tan(phi) is the tension of the cone's apex. So a number that is fitted
-with these forms makes a simulation do what the sample did.
-"""
+with these forms makes a simulation do what the sample did."""
 
 import math
 from collections.abc import Callable
@@ -143,8 +142,7 @@ def shear_strength(normal_stress: float, friction_angle_deg: float, cohesion: fl
 def sliding_angle(depth: float, density: float, friction_angle_deg: float, cohesion: float) -> float:
     """Return the angle [deg] at which a layer [m] on a rough tray fails along its base: 90 where it never does.
 
-    Balance of an infinite slope: rho g d sin(a) = m (rho g d cos(a) + c / tan(phi)).
-    """
+    Balance of an infinite slope: rho g d sin(a) = m (rho g d cos(a) + c / tan(phi))."""
     ratio = shear_ratio(friction_angle_deg)
     held = shear_strength(0.0, friction_angle_deg, cohesion) / (density * G * depth)
     sine = held / math.hypot(1.0, ratio)  # sin(a) - m cos(a) = held, with m = tan(b): sin(a - b) = held cos(b)

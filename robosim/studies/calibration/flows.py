@@ -3,8 +3,7 @@
 A quarter of the column is computed, between two planes of symmetry. A ring's height is the volume of its particles over
 its area, not its topmost particle: that changes smoothly with the material's numbers, and little with the particles'
 places. A slice of the box, one cell thick, is computed in the box's own frame: gravity turns instead of the box. The
-box turns slowly against the fall of the material, so that its centrifugal acceleration is left out.
-"""
+box turns slowly against the fall of the material, so that its centrifugal acceleration is left out."""
 
 import math
 
@@ -26,8 +25,7 @@ def simulate_heap(heap: HeapExperiment, card: MaterialConfig, floor_friction: fl
                   seed: int = 0) -> np.ndarray:
     """Return the heights [m] (n,) of the heap at distances [m] (n,) from its axis.
 
-    seed: of the particles' initial places. Raises mpm.SimulationDiverged.
-    """
+    seed: of the particles' initial places. Raises mpm.SimulationDiverged."""
     solver = make_column(heap, card.make_law(), floor_friction, seed)
     if heap.lift_speed is not None:  # until it is above the column's top
         risen, step = 0.0, min(0.02, heap.radius / heap.cells / heap.lift_speed)
@@ -78,8 +76,7 @@ def cylinder_pose(heap: HeapExperiment, risen: float) -> mpm.Pose:
 def ring_heights(particles: np.ndarray, volume: float, cell: float, distances: np.ndarray) -> np.ndarray:
     """Return heights [m] (n,) at distances [m] (n,) of a quarter heap; particles: distances of all [m], volume: of one.
 
-    Rings as wide as a cell, two cells the innermost, with linear interpolation between their middles.
-    """
+    Rings as wide as a cell, two cells the innermost, with linear interpolation between their middles."""
     rings = max(int(particles.max() / cell) + 2, 3)
     edges = np.concatenate([[0.0], cell * np.arange(2, rings + 2)])
     counts, _ = np.histogram(particles, edges)
@@ -92,8 +89,7 @@ def simulate_pour(pour: PourExperiment, card: MaterialConfig, wall_friction: flo
                   seed: int = 0) -> np.ndarray:
     """Return the mass [kg] (n,) that has left the box at times [s] (n,) from the begin of the tilting.
 
-    seed: of the particles' initial places. Raises mpm.SimulationDiverged.
-    """
+    seed: of the particles' initial places. Raises mpm.SimulationDiverged."""
     law, cell = card.make_law(), pour.fill_height / pour.cells
     length, lip = math.ceil(pour.length / cell) * cell, LIP_CELLS * cell
     upper = (2 * length + lip + 4 * cell, cell, max(pour.depth, pour.fill_height) + 4 * cell)

@@ -31,8 +31,7 @@ posterior."""
 class Runs:
     """Simulations of a folder, kept on the disk: a run that is asked for again is not simulated again.
 
-    inputs: what all of them depend on.
-    """
+    inputs: what all of them depend on."""
 
     def __init__(self, folder: Path, inputs: Any) -> None:
         self._store, self._inputs = Store(folder / ROWS), digest(inputs)
@@ -54,8 +53,7 @@ def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings:
     """Calibrate the material of a file of measurements, and write card, figures and page into a folder.
 
     runs: most simulations of each experiment. Returns 0 when the material is calibrated, 1 otherwise. Raises
-    ConfigError for measurements that cannot be used, mpm.SimulationDiverged.
-    """
+    ConfigError for measurements that cannot be used, mpm.SimulationDiverged."""
     measurements = load_measurements(path, settings)
     trials = [make_trial(measurements, name, one) for name, one in measurements.experiments.items()]
     ranges = Ranges.of(measurements.config.sought)
@@ -85,8 +83,7 @@ def run_best(trials: list[Trial], ranges: Ranges, found: Search, store: Runs
     """Simulate every trial with the best numbers; return residuals of those fitted and held out, and their values.
 
     Means over some runs: the places of particles are a part of the errors, not of the numbers. Those held out are
-    predicted over the samples of the posterior, so that its covariance counts among their errors.
-    """
+    predicted over the samples of the posterior, so that its covariance counts among their errors."""
     fits, checks, best = [], [], {}
     for trial in trials:
         if trial.held_out:

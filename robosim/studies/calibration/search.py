@@ -6,8 +6,7 @@ readings, or with the last run. Experiments with a closed form need none of it.
 
 Readings have independent normal errors; before them every value in a number's range is equally likely. The variance of
 an emulator adds to that of the readings. Samples are those of an ensemble with stretch moves (Goodman & Weare 2010,
-Commun. Appl. Math. Comput. Sci. 5:65), which needs no step size.
-"""
+Commun. Appl. Math. Comput. Sci. 5:65), which needs no step size."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -137,8 +136,7 @@ def search(trials: Sequence[Trial], ranges: Ranges, run: Run, *, runs: int, seed
     """Search the ranges with at most `runs` simulations of each trial that has no closed form.
 
     run: simulates; with the same seed the search asks for the same runs in the same order, so that it can be continued.
-    report: is called after each run, with 1.
-    """
+    report: is called after each run, with 1."""
     d = len(ranges.names)
     simulated = [trial for trial in trials if not trial.is_direct]
     outputs: dict[str, list[np.ndarray]] = {trial.name: [] for trial in simulated}

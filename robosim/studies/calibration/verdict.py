@@ -115,8 +115,7 @@ def judge(ranges: Ranges, found: Search, fits: list[Residual], checks: list[Resi
 def residual(trial: Trial, values: np.ndarray, covariance: np.ndarray | float = 0.0) -> Residual:
     """Compare a trial with values (n,) in its unit; covariance (n, n): of the values, in its unit squared.
 
-    Chi square is the squared Mahalanobis distance: numbers that are uncertain move all readings together.
-    """
+    Chi square is the squared Mahalanobis distance: numbers that are uncertain move all readings together."""
     difference = trial.readings - values
     square, n = float(difference @ np.linalg.solve(np.diag(trial.errors**2) + covariance, difference)), len(difference)
     return Residual(trial.name, trial.held_out, square, n, float(chi2.sf(square, n)),
@@ -137,8 +136,7 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
 
     Each fitted experiment once more, measurements with a closed form, and the file's candidates by their emulators.
     Expected covariances are those of a linear regression of the numbers on the predicted readings over the posterior's
-    samples (Bayes linear; Goldstein & Wooff 2007), which needs no data of the measurement.
-    """
+    samples (Bayes linear; Goldstein & Wooff 2007), which needs no data of the measurement."""
     samples = found.posterior.samples[:: max(len(found.posterior.samples) // 400, 1)]
     means = {f"{trial.name} once more ({trial.kind})": predict(trial, samples, ranges, found.emulators)[0]
              for trial in trials if not trial.held_out}
@@ -156,8 +154,7 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
 def usual_errors(one: Experiment, values: np.ndarray) -> np.ndarray:
     """Return standard deviations (n,) of a candidate's readings, of their predicted values (s, n).
 
-    Those of a shear cell are a share of each reading's own stress.
-    """
+    Those of a shear cell are a share of each reading's own stress."""
     if isinstance(one, ShearExperiment):
         return np.maximum(SHEAR_ERROR * values.mean(0), 1e-3)  # as in a file of measurements
     return np.full(values.shape[1], one.noise)  # pyright: ignore[reportAttributeAccessIssue]
@@ -183,8 +180,7 @@ def expected_widths(samples: np.ndarray, values: np.ndarray, variances: np.ndarr
                     ) -> dict[str, float]:
     """Return number -> standard deviation after a measurement over the present one.
 
-    samples: (s, d) numbers; values: (s, n) predicted readings; variances: (n,) of their errors.
-    """
+    samples: (s, d) numbers; values: (s, n) predicted readings; variances: (n,) of their errors."""
     x, y = samples - samples.mean(0), values - values.mean(0)
     own, cross, seen = x.T @ x / len(x), x.T @ y / len(x), y.T @ y / len(x)
     left = own - cross @ np.linalg.solve(seen + np.diag(variances), cross.T)

@@ -26,8 +26,7 @@ class ClusterJob:
     """Runs a command in a process of its own.
 
     Follows submitit's protocol of checkpoints: where its time ends or it is preempted, the command writes its own
-    checkpoint and the same job is queued again. It is pickled by reference, so a job needs this package alone.
-    """
+    checkpoint and the same job is queued again. It is pickled by reference, so a job needs this package alone."""
 
     def __init__(self, arguments: list[str], log: Path) -> None:
         self.arguments, self.log, self.folder = arguments, log, Path.cwd()
@@ -71,8 +70,7 @@ class ClusterJob:
 def has_ended(pid: int) -> bool:
     """Return whether a child has ended, without reaping it.
 
-    `Popen.wait` would hold a lock while a handler of a signal, which interrupts it, waits for the same child.
-    """
+    `Popen.wait` would hold a lock while a handler of a signal, which interrupts it, waits for the same child."""
     try:
         return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
     except ChildProcessError:

@@ -131,8 +131,7 @@ def make_launcher(name: str) -> SlurmLauncher | None:
 def find_launcher(name: str, table: Path | None) -> SlurmLauncher | None:
     """Return the launcher of a name with what a YAML file says, which has the keys of `LaunchTable`.
 
-    Raises ConfigError, UnknownName.
-    """
+    Raises ConfigError, UnknownName."""
     if name == "local":
         if table is not None:
             raise ConfigError(f"--launch-file {table} with --launch local; accepted: with --launch slurm")

@@ -22,8 +22,7 @@ TERMS = ("tool", "goal", "time", "scale", "target")
 def numbers_of(task: TaskConfig, name: str) -> DosingNumbers:
     """Return the numbers that a task's controllers work with; name: of the controller, for messages.
 
-    Raises ConfigError for a task without a dose, or without numbers, and as `check_numbers`.
-    """
+    Raises ConfigError for a task without a dose, or without numbers, and as `check_numbers`."""
     if task.dose is None:
         raise ConfigError(f"{name}: the task has no section dose; accepted: dosing tasks")
     if task.dose.controllers is None:
@@ -90,8 +89,7 @@ class ToolView:
     def act(self, sight: DoseSight, command: DoseCommand) -> np.ndarray:
         """Return the action (8,) that moves the lip and turns about it, at most as fast as an action can.
 
-        sight: of the last look.
-        """
+        sight: of the last look."""
         angular = command.tilt_rate * self._pitch_axis
         linear = command.velocity + np.cross(angular, self._origin - sight.lip)
         motion = np.concatenate([linear / self._action.speed, angular / self._action.angular_speed])
@@ -106,8 +104,7 @@ class DosingPolicy:
     """A controller at work in an environment that observes TERMS.
 
     numbers: in place of those that the task names. Raises ConfigError for an environment that `ToolView` refuses, for
-    numbers whose vibration is beyond the task's, and as `check_numbers`.
-    """
+    numbers whose vibration is beyond the task's, and as `check_numbers`."""
 
     def __init__(self, name: str, env: GrainEnv, numbers: DosingNumbers | None = None) -> None:
         self._env, self._view = env, ToolView(env)

@@ -30,8 +30,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     name: of the policy, or its file, whose own options of the environment prevail. episodes: None: five, or one where
     all are the same because they begin at the task's own start (nominal). seed: of the first; the next one's is one
     higher. changed: top-level keys of the task that differ on purpose from what the policy was learned on. options: of
-    the environment. Returns 0. Raises ConfigError, UnknownName for what cannot be used, before any work.
-    """
+    the environment. Returns 0. Raises ConfigError, UnknownName for what cannot be used, before any work."""
     episodes = episodes or (1 if nominal else 5)
     options |= training_options(name)
     check_task(name, load_task(task), changed)
@@ -77,8 +76,7 @@ def summarize(task: str, name: str, rows: list[dict[str, Any]], planned: int) ->
     """Return means and standard deviations over episodes, and the episodes' own figures.
 
     planned: number of episodes; the summary says whether it is of all of them.
-    Readings of the arm are the largest of all episodes, because a single one may exceed a limit.
-    """
+    Readings of the arm are the largest of all episodes, because a single one may exceed a limit."""
     values: dict[str, Any] = {"task": task, "policy": name, "is_complete": len(rows) == planned, "episodes": rows}
     for key in ("return", "tcs"):
         numbers = [row[key] for row in rows]

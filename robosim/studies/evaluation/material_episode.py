@@ -18,8 +18,7 @@ def play_in_material(task: str, name: str, label: str) -> dict[str, Any]:
     """Run an episode from the task's own start; return its score, readings and trajectory.
 
     The trajectory is the centre [m] (3,) of the observed grains after each action, as long as the simulation does not
-    diverge.
-    """
+    diverge."""
     base, numbers = MATERIALS[label] if label != OWN else (load_task(task).material, {})
     options: dict[str, Any] = {"material": base, **numbers, **training_options(name)}
     made = make(task, **options)

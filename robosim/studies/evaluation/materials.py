@@ -30,8 +30,7 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
 
     Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes, here;
     launcher: runs the episodes elsewhere. Returns 0, or 1 where a process failed; the same command then continues.
-    Raises UnknownName for a task that does not exist, ConfigError for a motion that does not fit.
-    """
+    Raises UnknownName for a task that does not exist, ConfigError for a motion that does not fit."""
     tasks = list(dict.fromkeys(tasks))
     for task in tasks:
         is_task_file(task)  # raises for a task that does not exist
@@ -60,8 +59,7 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
 def check_policy(task: str, name: str) -> None:
     """Raise UnknownName for a policy that does not exist, ConfigError for one that does not fit a task.
 
-    ConfigError, too, for a dosing task: it delivers a mass and no share of the grains.
-    """
+    ConfigError, too, for a dosing task: it delivers a mass and no share of the grains."""
     if load_task(task).dose is not None:
         raise ConfigError(f"{task}: a dosing task delivers no share of its grains; accepted: a task without a section "
                           f"dose; robosim evaluate {task} --material NAME evaluates a dose in another material")

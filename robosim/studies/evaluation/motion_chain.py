@@ -1,8 +1,7 @@
 """`robosim chain`: a rehearsal's sub-tasks in sequence, with the tool alone.
 
 Each sub-task begins at its own start pose with what the one before left in the tool; for comparison, the same motion is
-replayed from the sub-task's own settled start.
-"""
+replayed from the sub-task's own settled start."""
 
 import contextlib
 import math
@@ -43,8 +42,7 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
 
     Writes chain.json and chain.mp4 into `out`. motions: folder with TASK.npz files; None: the bundled motions. Returns
     0, or 1 where the chain broke: the field diverged, or too little was left in a tool. Raises ConfigError before any
-    work.
-    """
+    work."""
     chosen = {"trajectory": "learned", "material": material, "motions": motions and str(motions)}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
     paths = {task: find_motion(config, task) for task in config.learned}
@@ -79,8 +77,7 @@ def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
                      recording: Path) -> tuple[dict[str, Any], Load | None, str]:
     """Replay a motion from its settled start, and with a load where there is one; record the last of them.
 
-    Returns the row of chain.json, the load that is left, and why the chain broke, if it did.
-    """
+    Returns the row of chain.json, the load that is left, and why the chain broke, if it did."""
     figures, left = replay_motion(task, path, material=material, recording=recording if load is None else None)
     row, broken = {"task": task, "from_settled_start": figures}, ""
     if load is not None:
@@ -99,8 +96,7 @@ def replay_motion(task: str, path: Path, *, material: str | None = None, load: L
     """Replay one motion in the sub-task's environment.
 
     It begins at its nominal start, or with a load. Returns the episode's figures and what the tool holds after it; None
-    where the field diverged or nothing is held.
-    """
+    where the field diverged or nothing is held."""
     wrapped = gymnasium.make(f"robosim/{task}-v0", material=material, load=load, **training_options(str(path)))
     env = wrapped.unwrapped
     assert isinstance(env, GrainEnv)

@@ -32,8 +32,7 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
     """Make the policy of one episode, by name or from a .npz file.
 
     A file holds the array `actions` (n, dimensions), or a network as `robosim train` exports it.
-    Raises UnknownName for what is neither, ConfigError for a file that does not fit the environment.
-    """
+    Raises UnknownName for what is neither, ConfigError for a file that does not fit the environment."""
     n = env.task.action.size
     if name == "zero":
         still = rest_action(env.task)
@@ -66,8 +65,7 @@ def bundled_motion(task: str) -> Path:
 def training_options(name: str) -> dict[str, Any]:
     """Return the environment's options that a policy file was learned with, or that a dosing controller reads.
 
-    There are none for any other policy. Raises ConfigError for a file that cannot be read.
-    """
+    There are none for any other policy. Raises ConfigError for a file that cannot be read."""
     if name in CONTROLLERS:
         return {"obs": list(TERMS)}
     if not Path(name).is_file():
@@ -98,8 +96,7 @@ def load_policy(path: Path) -> StoredArrays:
 def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> None:
     """Raise ConfigError where a network's file was learned on another task, or on another version of it.
 
-    changed: top-level keys of the task's file that were changed on purpose.
-    """
+    changed: top-level keys of the task's file that were changed on purpose."""
     arrays = load_policy(Path(name)) if Path(name).is_file() else StoredArrays(Path(name), {})
     if "weight_0" not in arrays or "task_table" not in arrays:
         return
@@ -147,8 +144,7 @@ class ReplayPolicy:
     """Recorded actions, one after the other, and zeros after the last.
 
     A file may state the steps that each action is meant for, as `action_repeat`; the environment's must divide it.
-    Raises ConfigError for actions of another shape, task or action_repeat.
-    """
+    Raises ConfigError for actions of another shape, task or action_repeat."""
 
     def __init__(self, path: Path, arrays: StoredArrays, env: GrainEnv) -> None:
         if "actions" not in arrays:
@@ -177,8 +173,7 @@ class NetworkPolicy:
     """A learned network: layers W x + b, each followed by the function that `activations` names.
 
     `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that
-    the network was learned with. Raises ConfigError for a network that does not fit the environment.
-    """
+    the network was learned with. Raises ConfigError for a network that does not fit the environment."""
 
     FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
         "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}

@@ -43,8 +43,7 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
 
     name: of the policy, its file, or the folder of a training run. changed: top-level keys of the task that differ on
     purpose from what the policy was learned on. alone: run no other policy. Returns 0.
-    Raises ConfigError, UnknownName for what cannot be used, before any episode runs.
-    """
+    Raises ConfigError, UnknownName for what cannot be used, before any episode runs."""
     if material is not None and suite != "nominal":
         raise ConfigError(f"--material {material} with --suite {suite}; accepted: with --suite nominal, others have "
                           f"materials of their own")
@@ -101,8 +100,7 @@ def find_policy(name: str) -> str:
 def policy_file(name: str, task: str) -> str:
     """Return a policy's name or file, that of the bundled motion for "learned".
 
-    Raises ConfigError for a file of another task, or where there is no bundled motion.
-    """
+    Raises ConfigError for a file of another task, or where there is no bundled motion."""
     if name == "learned":
         return str(bundled_motion(task_name(task)))
     if Path(name).is_file():

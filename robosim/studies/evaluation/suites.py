@@ -2,8 +2,7 @@
 
 nominal: the task's own material and random starts. wide: what `robosim.randomization.ranges.wide_ranges` draws, all at
 once: materials, fills, places, starts, frictions, and where the tool sits in the hand. materials: the task's own random
-starts in thirteen materials.
-"""
+starts in thirteen materials."""
 
 from typing import Any, NamedTuple
 
@@ -40,8 +39,7 @@ def plan_starts(suite: str, task: TaskConfig, episodes: int, material: str | Non
     """Return the starts of a suite, the same for every policy.
 
     material: in place of the task's own, in the suite "nominal". A shorter suite is the beginning of a longer one.
-    Raises UnknownName for a suite that does not exist.
-    """
+    Raises UnknownName for a suite that does not exist."""
     if suite not in SUITES:
         raise UnknownName("suite", suite, SUITES)
     own, labels = material or task.material, list(MATERIALS)

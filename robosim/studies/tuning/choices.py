@@ -56,8 +56,7 @@ def draw_choice(controller: str, numbers: DosingNumbers, index: int, seed: int,
 
     costs: mean cost of each earlier choice that has one, of which those of earlier generations count; so the search is
     the same with any number of processes. Rates of pi go up to `motion.fast_deg`, also where that is below their range.
-    choices: the earlier choices' numbers.
-    """
+    choices: the earlier choices' numbers."""
     if index == 0:
         return numbers
     generation = (index - 1) // GENERATION

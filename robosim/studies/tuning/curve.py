@@ -36,8 +36,7 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
 
     episodes: over which the curve is the mean, with the seeds from `seed` on and the task's own random starts.
     rate_deg [deg/s]: of the tilt. most_deg [deg]: last tilt. Returns 0, or 1 where a simulation diverged or too little
-    left the tool for a curve. Raises ConfigError as `mean_curve`.
-    """
+    left the tool for a curve. Raises ConfigError as `mean_curve`."""
     config = load_task(task)
     given = given_numbers(config, task_name(task))
     start = Start(seed, material or config.material)
@@ -75,8 +74,7 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
 def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:
     """Return a task's numbers, or those that controllers begin with where it names none.
 
-    Raises ConfigError for a task that does not dose, or not into a receiver.
-    """
+    Raises ConfigError for a task that does not dose, or not into a receiver."""
     if config.dose is None or config.action.vibration is None:
         raise ConfigError(f"{task}: has no dose or no action.vibration; accepted: dosing tasks")
     check_receiver(config, task)
@@ -119,8 +117,7 @@ def mean_curve(curves: list[list[tuple[float, float]]], most_deg: float) -> tupl
     """Return tilts [deg] and the mean masses [kg] there, not falling; without the parts in which nothing is poured.
 
     curves: tilts [deg] with the masses poured [kg], for each episode. Raises ConfigError for an episode without any,
-    and for tilts that do not rise.
-    """
+    and for tilts that do not rise."""
     for k, points in enumerate(curves):
         if not points:
             raise ConfigError(f"pour curve: episode {k} has no tilt: the lip was not above the cup in time; accepted: "

@@ -41,8 +41,7 @@ def tune(task: str, controller: str, out: Path, options: SearchOptions, *, jobs:
     The first choice are the task's own numbers. jobs: choices at a time, here; launcher: runs them elsewhere. Choices
     and episodes that the folder has of the same arguments and code are not run again; as choices are drawn from costs,
     a search that goes on is the same one. Returns 0, or 1 where a process failed; the same command then continues.
-    Raises ConfigError for a task without a dose.
-    """
+    Raises ConfigError for a task without a dose."""
     choices, episodes, seed, material, randomize = options
     config = load_task(task)
     numbers = numbers_of(config, controller)

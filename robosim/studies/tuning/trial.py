@@ -25,8 +25,7 @@ TIME_WEIGHT = 0.5
 def episode_cost(row: dict[str, Any], duration: float) -> float:
     """Return the cost of an episode: error and spilled mass in accepted errors, and a part for its time.
 
-    row: of `robosim.studies.tuning.trial`. duration: longest time of a dose [s].
-    """
+    row: of `robosim.studies.tuning.trial`. duration: longest time of a dose [s]."""
     if row["diverged"]:
         return 2.0 * WORST + TIME_WEIGHT
     accepted = row["accepted_error"]

@@ -1,4 +1,3 @@
 """Verification: cases with independent reference solutions, error against run time, stability.
 
-Imports: base, reports, mpm.
-"""
+Imports: base, reports, mpm."""

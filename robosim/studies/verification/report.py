@@ -31,8 +31,7 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
     names: of cases, or of subjects such as "forces", which stand for all of their cases. quick: their quick sweeps.
     jobs: runs at a time. points: JSON file with other codes' results on the column collapse. yardsticks: folder of
     YARDSTICK, to convert their seconds. compare: report.json of an earlier run. launcher: runs the runs elsewhere.
-    Returns 0 if every expectation is met, else 1. Raises ConfigError, UnknownName for what cannot be used.
-    """
+    Returns 0 if every expectation is met, else 1. Raises ConfigError, UnknownName for what cannot be used."""
     names = expand(names) or list(NAMES)
     if jobs < 1:
         raise ConfigError(f"--jobs {jobs}; accepted: 1 or more")
@@ -95,8 +94,7 @@ def read_json(path: Path) -> Any:
 def measure_yardstick(folder: Path) -> float:
     """Run the yardstick; return its nanoseconds per particle and substep on this machine.
 
-    Raises ConfigError where the script is missing or prints no figure.
-    """
+    Raises ConfigError where the script is missing or prints no figure."""
     script = folder / YARDSTICK
     if not script.is_file():
         raise ConfigError(f"--yardsticks {folder}: no {YARDSTICK} in it")

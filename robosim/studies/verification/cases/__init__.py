@@ -6,8 +6,7 @@ strides): see `mpm.Solver`; volume_rate: see `mpm.NewtonianFluid`; face_cells: s
 stiffness: Young's modulus [Pa]; mass [kg]; duration [s]; host_step: of MuJoCo [s]; friction_deg: whose tangent the sand
 carries in simple shear; phi_deg: friction angle [deg].
 
-Imports: base, coupling, scene, mpm.
-"""
+Imports: base, coupling, scene, mpm."""
 
 from collections.abc import Iterable
 from importlib import import_module
@@ -45,8 +44,7 @@ NAMES, GROUPS = tuple(PLACES), tuple(CASES)
 def expand(names: Iterable[str]) -> list[str]:
     """Return the names of cases, with all cases of a subject in its place; each once.
 
-    Raises UnknownName for what is neither a case nor a subject.
-    """
+    Raises UnknownName for what is neither a case nor a subject."""
     cases: dict[str, None] = {}
     for name in names:
         if name not in PLACES and name not in CASES:

@@ -51,8 +51,7 @@ def carry(timed: TimedSolver, displacement: Callable[[int], np.ndarray | list[fl
           window: float) -> Iterator[int]:
     """Move the first collider on, advance and yield, window [s] by window.
 
-    displacement: from the start [m] (3,), after k windows.
-    """
+    displacement: from the start [m] (3,), after k windows."""
     start = here = timed.solver.collider_pose(0)
     for k in range(windows):
         there = mpm.Pose(start.position + displacement(k + 1), start.quaternion)

@@ -23,8 +23,7 @@ class DenseSand(Hencky):
     At the start the angle is `peak_angle_deg`. Shear dilates the sand by `dilation` per shear strain; both excess of
     friction and dilation fall in proportion to what is left of `room`, and vanish with it (critical state). Sand that
     separates is in the critical state when it meets again. Source: stress and dilatancy of Bolton (1986), Geotechnique
-    36:65. It has no adjoint. Raises InvalidValue for numbers out of range.
-    """
+    36:65. It has no adjoint. Raises InvalidValue for numbers out of range."""
 
     friction_angle_deg: float
     """Critical friction angle [deg] in triaxial compression, above 0, below 50."""
@@ -100,8 +99,7 @@ def dense_sand(relative_density: float, *, E: float, nu: float, density: float,
 
     With I = 10 relative_density - 1, at most 4: peak angle 3 I deg above the critical one in triaxial compression, and
     tan(dilatancy angle) with 0.8 of that angle as the excess. His coefficients 3, 0.8 and 4: from memory, to be
-    checked; 33 deg is his critical angle of quartz.
-    """
+    checked; 33 deg is his critical angle of quartz."""
     excess = 3.0 * min(10.0 * relative_density - 1.0, 4.0)
     void = LOOSEST - relative_density * (LOOSEST - DENSEST)
     critical = LOOSEST - 0.1 * (LOOSEST - DENSEST)  # where Bolton's dilatancy index is 0 at 1 kPa

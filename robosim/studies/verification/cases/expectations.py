@@ -38,8 +38,7 @@ class Order(Expectation):
     """An error falls at least with this power of the resolution between two runs.
 
     resolution: name of the choice that sets it, whether it grows ("cells") or shrinks ("cell") with refinement. ends:
-    its values in the coarse and in the fine run.
-    """
+    its values in the coarse and in the fine run."""
 
     name: str
     resolution: str
@@ -60,8 +59,7 @@ class Order(Expectation):
 class Approach(Expectation):
     """An error falls with every refinement and keeps its sign: one that passes zero has not converged, and fails.
 
-    resolution: name of the choice that sets it. ends: its values, from coarse to fine.
-    """
+    resolution: name of the choice that sets it. ends: its values, from coarse to fine."""
 
     name: str
     resolution: str

@@ -36,8 +36,7 @@ def hydrostatic(*, cells: int = 20, precision: str = "f32", material: str = "wat
 
     Measured: relative errors of the pressure gradient, of the pressure at the base and of the height. Reference: p =
     rho0 g Z in material depth Z, and the height that the compression by this pressure leaves. material: "water", or
-    "sand" with a friction angle of zero, which must behave the same.
-    """
+    "sand" with a friction angle of zero, which must behave the same."""
     cell = REST_DEPTH / cells
     law = mpm.NewtonianFluid(bulk_modulus=BULK, density=DENSITY, viscosity=0.001, volume_rate=volume_rate)
     if material == "sand":
@@ -74,8 +73,7 @@ def dam_break(*, cells: int = 20, courant: float = 0.4, precision: str = "f32", 
 
     Measured: relative errors of the front's position, mean and largest, and of its speed. Computed fronts lead those of
     the experiment by about 10 %, because its membrane took time to open. cells: across the column. sound: speed [m/s],
-    at least ten times sqrt(g H), so that the water is nearly incompressible. tension: see `mpm.NewtonianFluid`.
-    """
+    at least ten times sqrt(g H), so that the water is nearly incompressible. tension: see `mpm.NewtonianFluid`."""
     cell, height = COLUMN / cells, 2 * COLUMN
     water = mpm.NewtonianFluid(bulk_modulus=DENSITY * sound**2, density=DENSITY, tension=tension,
                                volume_rate=volume_rate)
@@ -111,8 +109,7 @@ def lock_gate(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: flo
     """Thin plate between water 10 cm and 5 cm deep.
 
     Measured: relative errors of thrust and of torque about the floor, and the share of particles that cross the plate.
-    offset_cells: distance of the plate from a plane of nodes.
-    """
+    offset_cells: distance of the plate from a plane of nodes."""
     half, middle = 0.5 * thickness_cells * cell, CHAMBER + offset_cells * cell
     sides = [mpm.sample_box((0, 0, 0), (middle - half, WIDTH, DEEP), cell / 2),
              mpm.sample_box((middle + half, 0, 0), (2 * CHAMBER, WIDTH, SHALLOW), cell / 2)]

@@ -21,8 +21,7 @@ def one_body(geom: str, position: Sequence[float], *, host_step: float, joint: s
              gravity: Sequence[float] = (0.0, 0.0, -G), body: str = "") -> str:
     """Return the MJCF of a world with one body, "body".
 
-    geom, body: attributes of its geometry, and of the body itself; position [m]; host_step [s].
-    """
+    geom, body: attributes of its geometry, and of the body itself; position [m]; host_step [s]."""
     numbers = {"position": position, "gravity": gravity}
     return ONE_BODY.format(geom=geom, joint=joint, host_step=host_step, body=body,
                            **{name: " ".join(str(float(x)) for x in vector) for name, vector in numbers.items()})

@@ -1,7 +1,6 @@
 """Stiff and extreme cases: stable, refused or unstable.
 
-Imports: base, cell, coupling, robot, scene, mpm.
-"""
+Imports: base, cell, coupling, robot, scene, mpm."""
 
 AXES = ("E", "friction_angle_deg", "courant", "drop_height", "shell_thickness", "lone_grain", "degenerate",
         "mass_ratio", "host_step", "tool_speed", "arm_host_step", "payload", "arm_pose")

@@ -39,8 +39,7 @@ def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: floa
 def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> Outcome:
     """Advance and check every step; return what failed first and when, "" if nothing did, and readings.
 
-    duration [s]; speed [m/s] of the tool.
-    """
+    duration [s]; speed [m/s] of the tool."""
     model, data, solver = plugin.model, plugin.data, plugin.solver
     mass, inertia = model.body_mass[1], model.body_inertia[1]
     weight = mass * G * (1 - model.body_gravcomp[1])
@@ -79,8 +78,7 @@ def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> 
 def plough(ratio: float, coupling: Coupling = "mobility", speed: float = 0.3) -> Outcome:
     """Push a box, half sunk and without weight, through sand.
 
-    ratio: of its mass to that of the particles in contact with it; speed [m/s].
-    """
+    ratio: of its mass to that of the particles in contact with it; speed [m/s]."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mpm.GrainsInSolid)  # the box is emptied below
         plugin = build_scene(ratio * TOUCHED, 2e-3, coupling, half=SIDE / 2, lift=-SIDE / 2, bed=(0.2, 0.112, 0.048),

@@ -24,8 +24,7 @@ REFERENCE_COURANT = 0.2
 def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: float) -> Outcome:
     """Advance and check; return what failed first and when, "" if nothing did, and readings.
 
-    duration [s]; drop: largest fall of a particle [m]; wave: sound speed [m/s].
-    """
+    duration [s]; drop: largest fall of a particle [m]; wave: sound speed [m/s]."""
     lower = np.asarray(solver.grid.lower)
     upper = lower + solver.grid.cells * solver.grid.cell
     start, energy = solver.momentum().linear, solver.energy()
@@ -89,8 +88,7 @@ def courant(number: float, sleep: bool = False) -> Outcome:
     """Spread a block at a Courant number: its mean height stays within 3 % of the reference's.
 
     The number is the substep in units of cell over sound speed; an isolated particle's bound is 0.734 at nu = 0.3,
-    of which 0.83 is accepted.
-    """
+    of which 0.83 is accepted."""
     solver = build_block(make_sand(), dt=number * CELL / sound_speed(1e5), sleep=sleep)
     failure, readings = advance_and_check(solver, 0.3, 0.04, sound_speed(1e5))
     height = float(solver.positions()[:, 2].mean())
@@ -170,8 +168,7 @@ SLEEPING = {SLEEPING_PREFIX + name: (partial(AXES[name][0], sleep=True), AXES[na
 def find_axis(name: str) -> tuple[Callable[..., Outcome], tuple]:
     """Return the function that runs a cell, and the values of an axis.
 
-    Raises UnknownName for an axis that does not exist.
-    """
+    Raises UnknownName for an axis that does not exist."""
     axes = AXES | COMPARISONS | SLEEPING
     if name not in axes:
         raise UnknownName("axis", name, axes)

@@ -1,4 +1,3 @@
 """Cases of elastic continua.
 
-Imports: mpm.
-"""
+Imports: mpm."""

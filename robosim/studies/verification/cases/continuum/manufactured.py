@@ -71,8 +71,7 @@ def axis_aligned(*, cells: int = 16, courant: float = 0.2, precision: str = "f64
 
     Measured: rms error of the positions over a period, in amplitudes, and its order. Reference: u_i = A sin(pi X_i)
     sin(pi (phi_i + c t)) between rollers. Walls that act out of place show at once: zeroed nodes give eight times the
-    error, and order one.
-    """
+    error, and order one."""
     cell = 1.0 / cells
     X = mpm.sample_box((0, 0, 0), (1, 1, 1), cell / 2)
     dt = courant * cell / np.sqrt((CUBE_LAM + 2 * CUBE_MU) / CUBE_DENSITY)
@@ -135,8 +134,7 @@ def vortex(*, cells: int = 40, courant: float = 0.2, precision: str = "f64", amp
 
     Measured: rms error of the positions over a period of 1 s [m per radian of twist], and its order. Reference: the
     angle alpha(R, t) = (A / 2) (1 - cos 2 pi t) (1 - 32 (R - 1)^2 + 256 (R - 1)^4). Both rims stay free of stress and
-    displacement, so that no boundary condition takes part. cells: per metre.
-    """
+    displacement, so that no boundary condition takes part. cells: per metre."""
     cell = 1.0 / cells
     lattice = mpm.sample_box((-1.25, -1.25, 0), (1.25, 1.25, cell), cell / 2)
     R = np.hypot(*lattice[:, :2].T)

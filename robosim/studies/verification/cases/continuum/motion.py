@@ -21,8 +21,7 @@ def free_fall(*, precision: str = "f64", speed: float = 0.0, steps: int = 150, d
     """Free fall of an elastic block.
 
     Measured: largest and rms error [m] of a particle's position. Reference: the trajectory of symplectic Euler, which
-    holds for any partition of unity, whatever the grid's place and the block's speed [m/s] along x.
-    """
+    holds for any partition of unity, whatever the grid's place and the block's speed [m/s] along x."""
     cell, low, velocity = 0.05, np.array([0.301, 0.301, 0.601]), np.array([speed, 0.0, 0.0])
     start = mpm.sample_box(low, low + 4 * cell, cell / 2)
     body = mpm.Body(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), start, volume=(cell / 2) ** 3,
@@ -46,8 +45,7 @@ def slow_translation(*, precision: str = "f32", speed: float = 1e-5, steps: int 
 
     Measured: relative errors of the mean displacement along each axis; the largest counts. Reference: v t; speed [m/s]
     along each axis. A substep's displacement, 2e-9 m, is far below what single precision resolves there, 1.2e-7 m: a
-    position to which it is added as it is stays where it is.
-    """
+    position to which it is added as it is stays where it is."""
     cell = 0.02
     start = mpm.sample_box((0.9,) * 3, (0.9 + 3 * cell,) * 3, cell / 2, np.random.default_rng(0))
     sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
@@ -69,8 +67,7 @@ def spin(*, precision: str = "f64", courant: float = 0.3, steps: int = 1000) -> 
     """Spin of a free elastic block about a slanted axis.
 
     Measured: change of linear [1/m] and angular momentum over the run, relative to the angular momentum; the affine
-    part of the particles' velocities counts. Reference: conservation.
-    """
+    part of the particles' velocities counts. Reference: conservation."""
     cell, rate, centre = 1 / 24, np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.5, 0.5])
     positions = mpm.sample_box(centre - 0.2, centre + 0.2, cell / 2)
     material = mpm.Elastic(E=1e4, nu=0.3, density=1000.0)

@@ -29,8 +29,7 @@ def uniaxial(*, model: str = "hencky", stretch: float = 0.9, cells: int = 8, cou
 
     Measured: relative errors of the axial first Piola stress and of the lateral strain. The bar starts stretched along
     its axis and comes to rest between the walls; then one wall is removed, and the momentum gained in the first substep
-    is the other wall's pull. A quarter of the bar is computed; cells: across the whole bar.
-    """
+    is the other wall's pull. A quarter of the bar is computed; cells: across the whole bar."""
     cell, half = WIDTH / cells, WIDTH / 2
     length = 4 * cell
     law = mpm.Elastic(E=E, nu=NU, density=DENSITY, model=model)
@@ -73,8 +72,7 @@ def column_weight(*, cells: int = 20, precision: str = "f32", integrator: str | 
     """Elastic column under its own weight, between rollers.
 
     Measured: volume-weighted error of the axial stress, relative to the base's, and relative error of the settlement.
-    cells: along the column.
-    """
+    cells: along the column."""
     cell = COLUMN / cells
     body = fill_box(mpm.Elastic(E=E, nu=NU, density=COLUMN_DENSITY), (0, 0, 0), (4 * cell, 4 * cell, COLUMN), cell)
     law, depth = body.material, COLUMN - body.positions[:, 2]

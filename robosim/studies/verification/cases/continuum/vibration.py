@@ -32,8 +32,7 @@ def bar(*, cells: int = 50, courant: float = 0.2, precision: str = "f64", period
     """Axial vibration of a bar between a wall and a free end.
 
     Measured: relative error of the frequency, its order, and the decay of the amplitude per period; the order is that
-    of the walls. cells: along the bar.
-    """
+    of the walls. cells: along the bar."""
     cell = LENGTH / cells
     positions = mpm.sample_box((0, 0, 0), (LENGTH, 4 * cell, 4 * cell), cell / 2)
     velocity = np.zeros_like(positions)
@@ -68,8 +67,7 @@ def elastic_energy(*, model: str = "hencky", cells: int = 12, courant: float = 0
     """Free vibration of an elastic block, for each elastic law.
 
     Measured: rise of the total energy, kinetic and elastic, above its start and after any moment, its trend, and the
-    loss per period. cells: along a side.
-    """
+    loss per period. cells: along a side."""
     cell = SIDE / cells
     law = mpm.Elastic(E=BLOCK_E, nu=NU, density=BLOCK_DENSITY, model=model)
     room, centre = 2.0 * SIDE, np.full(3, SIDE)

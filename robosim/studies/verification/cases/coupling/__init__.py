@@ -1,4 +1,3 @@
 """Cases of rigid bodies coupled to a field.
 
-Imports: config, coupling, scene, mpm.
-"""
+Imports: config, coupling, scene, mpm."""

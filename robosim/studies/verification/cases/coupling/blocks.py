@@ -50,8 +50,7 @@ def block_at_rest(*, bed: str = "elastic", coupling: Coupling = "mobility", cell
     """Rigid block at rest on an elastic bed or on sand.
 
     Measured: relative errors of the mean reaction and, on an elastic bed, of the settlement; the drift [m/s] along the
-    bed. offset_cells: of the bed's top from a plane of nodes.
-    """
+    bed. offset_cells: of the bed's top from a plane of nodes."""
     height, elastic = SIDE + offset_cells * cell, bed == "elastic"
     margin = 0.05 if elastic else 0.0
     positions = mpm.sample_box((margin, margin, 0.0), (margin + SIDE, margin + SIDE, height), cell / 2)
@@ -88,8 +87,7 @@ def build_bed(kind: str, size: tuple[float, float, float], cell: float, *, headr
               gravity: tuple[float, float, float] = (0.0, 0.0, -G), precision: str = "f32") -> mpm.Solver:
     """Build a bed that sticks to its walls, on which light bodies lie and slide.
 
-    kind: "sand" or "elastic", which bears a body but not itself; size, cell, headroom above the bed [m].
-    """
+    kind: "sand" or "elastic", which bears a body but not itself; size, cell, headroom above the bed [m]."""
     length, width, top = size
     positions, elastic = mpm.sample_box((0.0, 0.0, 0.0), size, cell / 2), kind == "elastic"
     law = mpm.Elastic(E=ELASTIC_E, nu=0.0, density=1000.0) if elastic else \
@@ -115,8 +113,7 @@ def rest_height(*, bed: str = "sand", shape: str = "ball", mass: float = 1e-3, c
     """Light ball or box at rest on a level bed, lowered from above.
 
     Measured: how far its lowest point is above the bed [cells]. A ball dents an elastic bed; it is so light that sand
-    bears it. bed: "sand" or "elastic". shape: "ball" or "box". offset_cells: of the bed's top from a plane of nodes.
-    """
+    bears it. bed: "sand" or "elastic". shape: "ball" or "box". offset_cells: of the bed's top from a plane of nodes."""
     top, is_elastic, is_ball = DEPTH + offset_cells * cell, bed == "elastic", shape == "ball"
     solver = build_bed(bed, (WIDTH, WIDTH, top), cell, headroom=0.06, contact=contact, precision=precision)
     below = RADIUS if is_ball else HALF[2]
@@ -177,8 +174,7 @@ def sliding_block(run: Slide) -> Record:
     Measured: the relative error of its acceleration, on a level bed its drag over its weight, and how far it sits above
     the bed. The reference is for a block that lies along the incline. A heavy one tips forward by a degree or more, as
     the bed gives way at its front, and slides on a steeper face: the error `on_face` is that for the face as it lies.
-    The block is laid flush, or lowered from above. While it lies on the bed, nothing meets its sides.
-    """
+    The block is laid flush, or lowered from above. While it lies on the bed, nothing meets its sides."""
     cell, friction, angle = run.cell, run.friction, math.radians(run.incline_deg)
     gravity, is_level = (G * math.sin(angle), 0.0, -G * math.cos(angle)), run.incline_deg == 0.0
     top = SLIDE_BED[2] + run.offset_cells * cell

@@ -64,8 +64,7 @@ def carried_load(*, material: str = "salt", acceleration: float = 2.0, cell: flo
     """Full spoon, held still and then accelerated.
 
     Measured: relative error of the load on the wrist's force sensor, at rest and under acceleration [m/s^2]. thickness:
-    of the spoon [m].
-    """
+    of the spoon [m]."""
     lattice = mpm.sample_box(-BOWL, [BOWL[0], BOWL[1], 0.0], cell / 2)
     inside = lattice[(((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0) & (lattice[:, 2] < -0.008)]
     body = mpm.Body(load_material(material).make_law(), inside + [0.08, 0.06, 0.08], volume=(cell / 2) ** 3)
@@ -99,8 +98,7 @@ def driven_wheel(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.
     """Wheel driven over sand at a prescribed slip.
 
     Measured: excess of the drawbar pull over W tan(phi), in which the reading `pull` is, over the second half; and
-    whether the pull rises with slip. slip = 1 - (speed of the axle) / (speed of the rim).
-    """
+    whether the pull rises with slip. slip = 1 - (speed of the axle) / (speed of the rim)."""
     positions = mpm.sample_box((0, 0, 0), BED, cell / 2)
     sand = mpm.DruckerPrager(E=5e5, nu=0.3, density=1600.0, friction_angle_deg=FRICTION_ANGLE)
     timed, solver = set_up(mpm.Body(sand, positions, volume=np.prod(BED) / len(positions)),

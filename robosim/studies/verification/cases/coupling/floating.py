@@ -38,8 +38,7 @@ def floating_cube(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cell
     """Floating cube, lighter than water.
 
     Measured: error of the draught in sides, and with a fixed cube the relative error of the thrust. offset_cells: of
-    the cube's middle from a node along x.
-    """
+    the cube's middle from a node along x."""
     middle = WIDTH / 2 + offset_cells * cell
     # on a layer of the grains' lattice: what is cut out is the cube's volume
     bottom = round(0.03 / (cell / 2)) * cell / 2 if fixed else DEPTH - 0.5 * SIDE
@@ -88,8 +87,7 @@ def hollow(radius: float, wall: float) -> trimesh.Trimesh:
 def swing(x: np.ndarray, step: float) -> tuple[float, float]:
     """Return the undamped frequency [rad/s] and the damping ratio of a swing x(t) that starts through zero.
 
-    They follow from its first peak to either side, step [s] apart per sample; not a number where it does not swing.
-    """
+    They follow from its first peak to either side, step [s] apart per sample; not a number where it does not swing."""
     high = int(np.argmax(x))
     low = high + int(np.argmin(x[high:]))
     if not (0 < high < low < len(x) - 1 and x[low] < 0):
@@ -113,8 +111,7 @@ def added_mass(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2
     """Ball on a spring in a hollow sphere full of water.
 
     Measured: relative error of the frequency, which the water's added mass lowers. mass_ratio: of ball to displaced
-    water; radii: radius of the hollow over the ball's; swings: periods that are computed.
-    """
+    water; radii: radius of the hollow over the ball's; swings: periods that are computed."""
     outer = radii * RADIUS
     reach = np.ceil(outer / cell + 3) * cell
     positions = mpm.sample_box((-outer,) * 3, (outer,) * 3, cell / 2)

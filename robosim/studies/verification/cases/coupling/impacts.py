@@ -27,8 +27,7 @@ def bar_impact(*, cell: float = 0.005, mass: float = 0.5, offset_cells: float = 
     """Impact of a rigid block on the end of an elastic bar.
 
     Measured: largest error of the block's speed, relative to its start, until the wave returns that it starts and that
-    slows it. offset_cells: of the bar's end from a plane of nodes.
-    """
+    slows it. offset_cells: of the bar's end from a plane of nodes."""
     c, end = np.sqrt(E / DENSITY), 0.1 + offset_cells * cell
     positions = mpm.sample_box((end, 0, 0), (end + LENGTH, SIDE, SIDE), cell / 2)
     bar = mpm.Body(mpm.Elastic(E=E, nu=0.0, density=DENSITY), positions, volume=LENGTH * SIDE**2 / len(positions))
@@ -63,8 +62,7 @@ def closed_system(*, material: str = "elastic", precision: str = "f64", mass_rat
     """Impact of a free, spinning ball on a blob in empty space.
 
     Measured: change of the total linear and angular momentum, and in every step the difference between what the ball
-    receives and what the particles give. mass_ratio: of ball to blob (1 kg).
-    """
+    receives and what the particles give. mass_ratio: of ball to blob (1 kg)."""
     law = mpm.Elastic(E=1e5, nu=0.3, density=1000.0) if material == "elastic" else \
         mpm.DruckerPrager(E=1e5, nu=0.2, density=1000.0, friction_angle_deg=30.0)
     positions = mpm.sample_box((-BLOB / 2,) * 3, (BLOB / 2,) * 3, cell / 2)

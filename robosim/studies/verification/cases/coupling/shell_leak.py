@@ -53,8 +53,7 @@ def shell_leak(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 
     Measured: particles that cross the wall, and the part of the momentum exchanged with the shell that is unaccounted
     for. Crossings are found with the ellipsoid's equation, while the field is given a triangle mesh; particles that go
     over the rim do not count. thickness: of the wall [m]; offset: of the spoon, in cells; grains: about how many; until
-    [s].
-    """
+    [s]."""
     volume = 2.0 / 3.0 * np.pi * np.prod(AXES - thickness)
     spacing = (0.78 * volume / grains) ** (1 / 3)
     lattice = mpm.sample_box(-AXES, (AXES[0], AXES[1], -0.003), spacing, np.random.default_rng(0))
@@ -90,8 +89,7 @@ def shell_leak(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 
 def _crossings(before: np.ndarray, after: np.ndarray) -> int:
     """Count the segments (n, 3) to (n, 3), in the spoon's frame, that cross the ellipsoid.
 
-    A grain that flows over the rim may pass up to 0.5 mm below it: its own size is 2 mm.
-    """
+    A grain that flows over the rim may pass up to 0.5 mm below it: its own size is 2 mm."""
     a, b = (np.linalg.norm(x / AXES, axis=1) for x in (before, after))
     share = np.clip((1 - a) / np.where(a == b, 1.0, b - a), 0, 1)
     height = before[:, 2] + share * (after[:, 2] - before[:, 2])

@@ -29,8 +29,7 @@ def image_velocity(radius: float, width: float, reach: int = 100) -> float:
     """Return the velocity that a moving sphere's images give to its place, relative to its own.
 
     The sphere is in the middle of a cube [m]; its images are dipoles, of turned sign behind the walls that it moves
-    towards. reach: of the images that are summed one by one along the planes.
-    """
+    towards. reach: of the images that are summed one by one along the planes."""
     along = np.arange(-9, 10)  # planes of images farther away cancel
     signs = (-1.0) ** np.abs(along)
     x, y, z = np.meshgrid(along, *2 * [np.arange(-reach, reach + 1)], indexing="ij")
@@ -49,8 +48,7 @@ def added_mass(radius: float, width: float) -> float:
 def boundary_layer_damping(frequency: float, carried: float, viscosity: float = 1e-3) -> float:
     """Return the damping ratio by water's viscosity [Pa s], of a sphere in oscillating motion [rad/s].
 
-    carried: mass of ball and added mass [kg]. Source: Stokes 1851; Landau and Lifshitz, Fluid Mechanics, section 24.
-    """
+    carried: mass of ball and added mass [kg]. Source: Stokes 1851; Landau and Lifshitz, Fluid Mechanics, section 24."""
     layer = np.sqrt(2 * viscosity / (DENSITY * frequency))
     return float(6 * np.pi * viscosity * RADIUS * (1 + RADIUS / layer) / (2 * carried * frequency))
 
@@ -78,8 +76,7 @@ def swinging_ball(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", c
     that is held. Reference: a sphere of radius a that moves in still water carries C = 3 / (2 (1 + s)) - 1 of the mass
     that it displaces, with s the velocity that its images in the walls give to its place, relative to its own (Lamb
     1932, section 99: 1/2 in unbounded water). host_step: of the pendulum's MuJoCo model [s]; a stride is not longer, as
-    it ends with an advance.
-    """
+    it ends with an advance."""
     middle = np.full(3, WIDTH / 2)
     if ball == "pendulum":
         middle[0] -= LENGTH * np.sin(RELEASE)
@@ -112,8 +109,7 @@ def swinging_ball(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", c
 def _swing(timed: TimedSolver, displaced: float, host_step: float) -> Record:
     """Release a pendulum that displaces so much water [m^3], until it has swung to the other side.
 
-    host_step: of MuJoCo [s].
-    """
+    host_step: of MuJoCo [s]."""
     mass = DENSITY_RATIO * DENSITY * displaced
     scene = one_body(f'type="sphere" pos="0 0 -{LENGTH}" size="{RADIUS}" mass="{mass}" friction="0"',
                      (WIDTH / 2, WIDTH / 2, WIDTH / 2 + LENGTH), joint='<joint type="hinge" axis="0 1 0"/>',
@@ -144,8 +140,7 @@ def _swing(timed: TimedSolver, displaced: float, host_step: float) -> Record:
 def half_swing(x: np.ndarray, step: float) -> tuple[float, float]:
     """Return the undamped frequency [rad/s] and the damping ratio of a swing x(t) that starts at rest, from a peak.
 
-    They follow from its next peak, on the other side; not a number where it does not get there.
-    """
+    They follow from its next peak, on the other side; not a number where it does not get there."""
     low = int(np.argmin(x))
     if not (2 < low < len(x) - 3 and x[low] < 0 < x[0]):
         return np.nan, np.nan

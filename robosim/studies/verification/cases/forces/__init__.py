@@ -1,4 +1,3 @@
 """Cases of forces of sand on plates, walls, silos and spheres.
 
-Imports: base, config, mpm.
-"""
+Imports: base, config, mpm."""

@@ -71,8 +71,7 @@ def dropped_sphere(*, drop: float = 0.1, density_ratio: float = 5.1, friction_de
 
     Measured: relative error of the depth at which it stops, and the powers of drop and density in it. Reference: for
     dry grains d = 0.14 / mu (rho_b / rho_g)^(1/2) D^(2/3) H^(1/3), H from the start to the end. drop: free fall [m];
-    density_ratio: of ball to bed, 5.1 for steel.
-    """
+    density_ratio: of ball to bed, 5.1 for steel."""
     sand, mu = make_sand(friction_deg, stiffness), math.tan(math.radians(friction_deg))
     width, height = (math.ceil(part * DIAMETER / cell) * cell for part in (4.0, 6.0))
     positions = mpm.sample_box((0, 0, 0), (width, width, height), cell / 2)

@@ -34,8 +34,7 @@ def path_of(beta_deg: float, gamma_deg: float, side: float = SIDE) -> tuple[floa
     """Return depth of the centre [m] at the start and length of the way [m] of a plate of length side [m].
 
     Downwards from where the plate's upper edge is level with the surface, sideways at a depth of 1.5 plates, upwards
-    from 2.5 plates; plates of 40 mm, and others to the same depths.
-    """
+    from 2.5 plates; plates of 40 mm, and others to the same depths."""
     if gamma_deg > 0:
         start = side / 2 * abs(math.sin(math.radians(beta_deg)))
         return start, (DEEP * SIDE - start) / math.sin(math.radians(gamma_deg))
@@ -119,8 +118,7 @@ def plate_map(*, cell: float = 0.008, directions: str = "map", square: bool = Fa
     an upright plate over it; how straight its force is in depth; and the power of the plate's area in its force, at
     equal depths. Reference: the generic table of the theory in a plane for a strip (the theory is fitted to plates in
     space), and the theory in space for a square plate. The readings hold the stress of every direction (beta, gamma).
-    directions: "down", "few" or "map"; square: a square plate; side: length of the plate [m].
-    """
+    directions: "down", "few" or "map"; square: a square plate; side: length of the plate [m]."""
     length, half, height = (part * max(side, SIDE) for part in plate_bed.BEDS[square])
     sand, found, costs, straight = make_sand(friction_deg, stiffness), {}, [], math.nan
     for beta, gamma in DIRECTIONS[directions]:
@@ -211,7 +209,6 @@ def lifting_bound(depth: np.ndarray, friction_deg: float, square: bool) -> np.nd
     """Return the upper bound of limit analysis for a lifted plate, per density, gravity and depth.
 
     depth: (n,) in lengths of the plate; friction_deg: whose tangent the sand carries in simple shear, which in plane
-    strain is the sine of the angle by which the sides lean. Around the corners of a square plate they are cones.
-    """
+    strain is the sine of the angle by which the sides lean. Around the corners of a square plate they are cones."""
     spread = depth * math.tan(math.asin(math.tan(math.radians(friction_deg))))
     return 1.0 + 2.0 * spread + math.pi / 3.0 * spread**2 if square else 1.0 + spread

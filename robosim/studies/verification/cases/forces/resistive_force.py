@@ -2,8 +2,7 @@
 
 A plate rises by the attack angle beta towards +x and moves along (cos gamma, 0, -sin gamma): gamma = 90 deg is vertical
 intrusion, -90 deg withdrawal. The force on it is (-alpha_x, alpha_z) times depth and area. Coefficients and their
-sources are in configs/references/resistive_force_2d.yaml and resistive_force_3d.yaml.
-"""
+sources are in configs/references/resistive_force_2d.yaml and resistive_force_3d.yaml."""
 
 import math
 from functools import cache
@@ -63,8 +62,7 @@ def space_alpha(beta_deg: float, gamma_deg: float, psi_deg: float = 0.0, doubtfu
     """Return (alpha_r, alpha_theta, alpha_z) of the theory in space, in units of `space_scale`.
 
     The cap on the tangential part by the friction on the plate is left out. psi_deg: twist of the plate about
-    the vertical. doubtful: take the third code's value of the two coefficients.
-    """
+    the vertical. doubtful: take the third code's value of the two coefficients."""
     table = read_reference("resistive_force_3d")
     functions = {name: list(table[name]) for name in ("f1", "f2", "f3")}
     for entry in table["doubtful"] if doubtful else ():

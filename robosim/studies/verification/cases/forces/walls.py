@@ -30,8 +30,7 @@ def rankine(phi_deg: float, passive: bool) -> float:
     """Return the horizontal stress on a smooth vertical wall over the vertical stress, below a level surface.
 
     Angles are those of Mohr and Coulomb, here and below. In plane strain a Drucker-Prager cone that carries m in simple
-    shear at constant volume acts with the angle asin(m).
-    """
+    shear at constant volume acts with the angle asin(m)."""
     sine = math.sin(math.radians(phi_deg))
     return (1 + sine) / (1 - sine) if passive else (1 - sine) / (1 + sine)
 
@@ -39,8 +38,7 @@ def rankine(phi_deg: float, passive: bool) -> float:
 def coulomb_passive(phi_deg: float, wall_deg: float) -> float:
     """Return Coulomb's passive coefficient, of the force on a wall with a friction angle of wall_deg.
 
-    The force is 0.5 density gravity depth^2 times it, inclined by wall_deg to the wall's normal.
-    """
+    The force is 0.5 density gravity depth^2 times it, inclined by wall_deg to the wall's normal."""
     phi, delta = math.radians(phi_deg), math.radians(wall_deg)
     root = math.sqrt(math.sin(phi + delta) * math.sin(phi) / math.cos(delta))
     return math.cos(phi) ** 2 / (math.cos(delta) * (1 - root) ** 2)
@@ -82,8 +80,7 @@ def plate_drag(*, depth: float = 0.06, cell: float = 0.005, friction: float = 0.
 
     Measured: relative error of the horizontal force where it begins to slip, its power of the depth, and its ratio
     between two speeds. A reading, the immersion, is the depth at which a shell still acts, a cell below its edge. depth
-    [m]; friction: on the blade; speed [m/s].
-    """
+    [m]; friction: on the blade; speed [m/s]."""
     pushed = push(make_sand(friction_deg, stiffness), Plate(
         beta_deg=90.0, gamma_deg=0.0, start_depth=0.0, travel=END * depth, cell=cell, side=2 * depth,
         bed=(0.6, 0.0, 0.2), friction=friction, speed=speed, precision=precision))
@@ -115,8 +112,7 @@ def retaining_wall(*, state: str = "active", cells: int = 20, phi_deg: float = P
 
     Measured: relative error of the force on the wall, once it no longer changes. In plane strain the cone acts with the
     friction angle asin(m3) (see `slope`). A slice one cell thick is computed. state: "active" or "passive"; cells: over
-    the height.
-    """
+    the height."""
     cell = HEIGHT / cells
     sand = mpm.DruckerPrager(E=stiffness, nu=NU, density=DENSITY, friction_angle_deg=phi_deg, cone="plane_strain")
     face, length = 8 * cell, math.ceil(LENGTH / cell) * cell
@@ -141,8 +137,7 @@ def retaining_wall(*, state: str = "active", cells: int = 20, phi_deg: float = P
 def janssen(depth: np.ndarray | float, width: float, friction: float, ratio: float) -> np.ndarray:
     """Return the mean vertical stress [Pa] at depths [m] in a slot of a width [m].
 
-    friction: coefficient of the walls; ratio: horizontal over vertical stress.
-    """
+    friction: coefficient of the walls; ratio: horizontal over vertical stress."""
     length = width / (2 * friction * ratio)
     return DENSITY * G * length * -np.expm1(-np.asarray(depth) / length)
 
@@ -175,8 +170,7 @@ def silo_load(*, cells: int = 20, slenderness: float = 3.0, wall_friction: float
 
     Measured: relative error of the load on the floor, and rms difference of the vertical stress over the height. The
     reference is taken with the ratio K of horizontal to vertical stress that the sand has in this run. A slice one cell
-    thick is computed. cells: over the width; slenderness: height of the fill over the width.
-    """
+    thick is computed. cells: over the width; slenderness: height of the fill over the width."""
     cell, height = WIDTH / cells, slenderness * WIDTH
     sand = mpm.DruckerPrager(E=stiffness, nu=NU, density=DENSITY, friction_angle_deg=phi_deg, cone="plane_strain")
     base, half = 8 * cell, np.array([WIDTH, 4 * cell, 4 * cell])

@@ -1,4 +1,3 @@
 """Cases of granular matter.
 
-Imports: base, scene, mpm.
-"""
+Imports: base, scene, mpm."""

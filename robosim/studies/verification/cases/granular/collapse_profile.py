@@ -112,8 +112,7 @@ def measure_profile(radii: np.ndarray, volumes: np.ndarray, share: float = 1.0) 
     """Return the profile of particles, up to one empty ring.
 
     radii (n,): of the particles, in column radii. volumes (n,): in cubes of the column's radius. share: of the whole
-    round that the particles fill, 0.25 for a quarter.
-    """
+    round that the particles fill, 0.25 for a quarter."""
     edges = np.arange(math.floor(radii.max() / RING) + 3) * RING
     areas = share * math.pi * np.diff(edges**2)
     return Profile(edges[:-1] + RING / 2, np.histogram(radii, edges, weights=volumes)[0] / areas)
@@ -140,8 +139,7 @@ def volume_of(profile: Profile) -> float:
 def profile_difference(profile: Profile, reference: np.ndarray) -> float:
     """Return the volume between a profile and reference depths (n,) at its radii, over that of the reference.
 
-    The profile is scaled to the reference's volume first, so that its own expansion does not count.
-    """
+    The profile is scaled to the reference's volume first, so that its own expansion does not count."""
     area = 2 * math.pi * profile.radii * RING
     scale = float(np.sum(area * reference)) / volume_of(profile)
     return float(np.sum(area * np.abs(scale * profile.depths - reference)) / np.sum(area * reference))
@@ -151,8 +149,7 @@ def closed_depths(radii: np.ndarray, summit: float, rim: float, volume: float) -
     """Return depths (n,) of the profile that summit, rim and volume determine, all in column radii.
 
     It is summit (1 - r / rim)^n, or a cone with a flat top where the volume is more than a cone's. Raises ValueError
-    for a volume above that of a cylinder.
-    """
+    for a volume above that of a cylinder."""
     if not 0.0 < volume < math.pi * rim**2 * summit:
         raise ValueError(f"volume {volume:g}; accepted: above 0, below {math.pi * rim**2 * summit:g}")
     # volume = 2 pi summit rim^2 / ((n + 1) (n + 2))
@@ -228,8 +225,7 @@ def collapse_profile(run: Collapse) -> Record:
     `settlement` is the rms displacement meanwhile, in column radii.
 
     Three laws: sand denser than critical (`dense_sand`), Drucker-Prager and mu(I). Their parameters are not fitted to
-    any collapse.
-    """
+    any collapse."""
     a, solver = run.a, build(run, run.sleep)
     duration = run.duration or LONGER * 3.0 * math.sqrt(a * RADIUS / G)
     timed = TimedSolver(solver)

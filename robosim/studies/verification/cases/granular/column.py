@@ -92,8 +92,7 @@ def column_collapse(column: Column) -> Record:
 
     Measured: relative errors of the deposit's rim, run-out and height, and the rms velocity at the end. The radius that
     holds 99 % of the particles stands for the rim. Run times are compared at equal error with Newton's implicit solver,
-    which computed the whole column: `quarter`, two planes of symmetry, would save any solver as much.
-    """
+    which computed the whole column: `quarter`, two planes of symmetry, would save any solver as much."""
     a, solver = column.a, build_column(column)
     timed = TimedSolver(solver)
     timed.advance(column.duration or 0.6 * math.sqrt(a))

@@ -70,8 +70,7 @@ def orifice(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "
 
     Half of the silo is computed, one cell thick. The slot is an odd number of cells wide, so that its edges lie midway
     between nodes: a wall begins at the first node in it. law: one of LAWS; floor_friction: coefficient; floor_cells:
-    its thickness.
-    """
+    its thickness."""
     half_slot, thick = 0.5 * orifice_cells * CELL, floor_cells * CELL
     sand = make_sand(law, E)
     positions = mpm.sample_box((0, 0, FALL), (HALF, CELL, FALL + HEIGHT), CELL / 2, np.random.default_rng(0))
@@ -120,8 +119,7 @@ def small_hole(*, ratio: float = 8.0, cell: float = 0.006, diameter: float = 3e-
     what the law without cut-off gives; the part of the momentum that gravity, walls and can do not account for.
     `mpm.Orifice` imposes the law: what the case tests is that the bed keeps the holes covered on every cell, that what
     passes arrives below, and that momentum is kept although particles are carried through the floor. ratio: D / d;
-    diameter: of the holes [m]; duration: of the discharge [s].
-    """
+    diameter: of the holes [m]; duration: of the discharge [s]."""
     spacing = cell / PER_CELL ** (1 / 3)
     salt = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=SALT, friction_angle_deg=33.0)
     margin = 0.5 * (THICKNESS + spacing)

@@ -102,8 +102,7 @@ def return_mapping(*, precision: str = "f64", integrator: str = "exact") -> Reco
     Measured: errors of the principal stretches after a plastic step, and for thousands of random strains the distance
     from the cone, the change of volume, and the strain left after separation: they must carry at most the shear of the
     cone, and exactly that where they yield, and keep their volume where they do not separate. The strains are set in
-    the solver's state, so that the update is the field's.
-    """
+    the solver's state, so that the update is the field's."""
     timed, still = build_solver(30.0, RANDOM, precision, None if integrator == "auto" else integrator)
     wrong = []
     for phi, F, expected in VECTORS:
@@ -138,8 +137,7 @@ def element_path(*, path: str = "shear", phi_deg: float = 30.0, precision: str =
     """Shear and plane-strain compression of a particle to flow at constant volume.
 
     Measured: relative error of the shear ratio at the end of simple shear under constant pressure, or of compression
-    under constant lateral pressure; in shear, also the difference between the normal stresses.
-    """
+    under constant lateral pressure; in shear, also the difference between the normal stresses."""
     law, (timed, state) = make_sand(phi_deg), build_solver(phi_deg, 4, precision, "exact")
     state["e"][:, :3] = np.expm1(-2.0 / 3.0 * PRESSURE / (law.lam + 2.0 / 3.0 * law.mu))
 

@@ -79,8 +79,7 @@ def rotating_drum(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 3
     is outside the drum. Reference: a layer that flows steadily along a uniform slope has tau / sigma_n = tan(slope) at
     every depth, which in sand without an effect of rate is the ratio m3 of simple shear (see `slope`); and sand that
     neither dilates nor contracts. The drum is one cell thick and turns about the y axis. cells: over the radius; fill:
-    share of the drum; froude: angular velocity^2 x radius / gravity; wall_friction: coefficient.
-    """
+    share of the drum; froude: angular velocity^2 x radius / gravity; wall_friction: coefficient."""
     cell = RADIUS / cells
     phi = math.degrees(math.asin(math.tan(math.radians(friction_deg))))
     sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=phi, cone="plane_strain")
@@ -131,8 +130,7 @@ def surface_line(positions: np.ndarray, cell: float) -> tuple[float, float]:
     """Return angle [deg] and height over the axis [m] of the surface: a line through the highest grains.
 
     Grains are sorted into columns along the surface, whose direction is found in three rounds; those in the middle of
-    the surface's chord count.
-    """
+    the surface's chord count."""
     angle = level = 0.0
     for _ in range(3):
         along = positions[:, 0] * math.cos(angle) + positions[:, 2] * math.sin(angle)

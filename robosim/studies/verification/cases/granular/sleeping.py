@@ -131,8 +131,7 @@ def sleeping(*, scene: str = "collapse", sleep: float = 1.0, pause: float = 10.0
     Scenes: a column that collapses; a ball that ploughs a bed, comes back after `pause` seconds and ploughs it again; a
     block that slides on a floor without friction at 0.1 mm/s, slower than what counts as rest at the default: it is
     frozen there, and not with a tenth of the thresholds; a heap on a plate that vibrates. The reference is run in the
-    same process. Errors are relative to the reading of the scene that is awake. sleep: factor on the thresholds.
-    """
+    same process. Errors are relative to the reading of the scene that is awake. sleep: factor on the thresholds."""
     awake, asleep = RUNS[scene](0.0, pause), RUNS[scene](sleep, pause)
     errors = {name: asleep.readings[name] / value - 1.0 for name, value in awake.readings.items()}
     errors["unaccounted"] = asleep.lacking / asleep.exchanged

@@ -45,8 +45,7 @@ def slope(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, E:
 
     Measured: relative error of the mean acceleration. Reference: a = g (sin theta - m3 cos theta). In steady simple
     shear the cone carries tau / sigma_n = m3 at every depth, not tan(phi): atan(m3) is above phi for the cone of
-    triaxial compression, below it for plane strain. cells: over the height.
-    """
+    triaxial compression, below it for plane strain. cells: over the height."""
     sand = mpm.DruckerPrager(E=E, nu=NU, density=SHEET_DENSITY, friction_angle_deg=phi_deg, cone=cone)
     cell, theta = SHEET / cells, math.radians(theta_deg)
     across, along = G * math.cos(theta), G * math.sin(theta)
@@ -82,8 +81,7 @@ def heap(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32, co
 
     Measured: change of the slope [deg], and its difference [deg] from the limit, in plane strain (m3: see `slope`).
     Inertia carries a slumping heap some degrees below the limit. Half of the heap is computed, one cell thick.
-    beyond_deg: of the initial slope beyond the limit. cells: over the height.
-    """
+    beyond_deg: of the initial slope beyond the limit. cells: over the height."""
     sand = mpm.DruckerPrager(E=HEAP_E, nu=NU, density=HEAP_DENSITY, friction_angle_deg=phi_deg, cone=cone)
     limit = math.degrees(math.atan(shear_ratio(phi_deg, cone)))
     begin = limit + beyond_deg
@@ -135,8 +133,7 @@ def chute_flow(*, cells: int = 20, theta_deg: float = 26.0, E: float = 2e5, cour
 
     Measured: largest error of the velocity over the depth, relative to the surface's, and relative error of the flux.
     Reference: the profile of the mu(I) law in closed form: the inertial number is the same at every depth, so that
-    friction equals the slope. cells: over the depth; E [Pa].
-    """
+    friction equals the slope. cells: over the depth; E [Pa]."""
     cell, theta = FLOW / cells, math.radians(theta_deg)
     law = mpm.MuIRheology(E=E, nu=NU, density=BULK, friction_angle_deg=STATIC_DEG, limit_angle_deg=LIMIT_DEG,
                           grain_diameter=DIAMETER, grain_density=GRAIN, inertial_number=INERTIAL)

@@ -25,8 +25,7 @@ def arm_limits(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
     """Scooping with the whole arm within its limits.
 
     Measured: relative excess of motor torques and joint speeds over their limits in every step of 2 ms of the task's
-    scripted policy, and steps in which a torque was saturated.
-    """
+    scripted policy, and steps in which a torque was saturated."""
     env: Any = GrainEnv(task=task, arm=True, material=material, action_repeat=1)
     env.reset(options={"nominal": True})
     cell, timed, most, info = env.carrier.cell, TimedSolver(env.solver), np.zeros(2), {}

@@ -30,8 +30,7 @@ def ik_poses(*, restarts: int = 30, poses: int = 1000, robot: str = "iiwa14") ->
     """Inverse kinematics of a thousand reachable poses, from mid-range and with restarts.
 
     Measured: share of poses without a solution, mean and 95th percentile of the time [ms], and share of solutions that
-    MuJoCo's forward kinematics does not confirm. restarts: most postures that a pose is solved from.
-    """
+    MuJoCo's forward kinematics does not confirm. restarts: most postures that a pose is solved from."""
     assembly = assemble("spoon", robot)
     spec = mujoco.MjSpec()
     assembly.attach_to(spec)
@@ -74,8 +73,7 @@ def jerk_limits(*, host_dt: float = 1e-3, motions: int = 20) -> Record:
     """Smoothed joint motions at the controller's samples, every host_dt [s].
 
     Measured: relative excess of speed, acceleration and jerk over their limits, and the error [rad] of the end, on
-    random smooth joint paths of two seconds.
-    """
+    random smooth joint paths of two seconds."""
     arm, rng = Arm(assemble("spoon")), np.random.default_rng(0)
     limits = arm.limits(load_rehearsal("spoon").limits)
     most, end, samples, begin = dict[str, float](), 0.0, 0, time.perf_counter()

@@ -66,8 +66,7 @@ def sleeping_scenes(*, scene: str = "SpoonScoop", sleep: float = 1.0) -> Record:
 
     Scenes: a rehearsal of configs/rehearsals, or an episode of a sub-task with its script, from the nominal start. The
     reference, with field.sleep = false, is run in the same process. The error "change" is that of the mass or of the
-    score, relative. sleep: factor on the thresholds.
-    """
+    score, relative. sleep: factor on the thresholds."""
     run = play_task if scene in TASKS else rehearse
     (awake, before), (asleep, after) = run(scene, 0.0), run(scene, sleep)
     if "score" in after:
