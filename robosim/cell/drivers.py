@@ -141,7 +141,8 @@ class OwnDriver(MotionDriver):
             if (fastest := max(abs(speed[k]), abs(parts[1][k]) if is_whole else 0.0)) > most:
                 raise DriverFault(self.name, time, f"commands joint {name} at {fastest:.4g} rad/s",
                                   f"up to {arm.velocity[k]:.4g} rad/s")
-        return JointState(*parts) if is_whole else JointState(parts[0], speed, np.zeros(n))
+        q, qd, qdd = parts if is_whole else (parts[0], speed, np.zeros(n))
+        return JointState(np.asarray(q), np.asarray(qd), np.asarray(qdd))
 
 
 def describe_refused(own: Any, command: Any) -> str | None:
