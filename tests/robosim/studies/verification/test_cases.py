@@ -111,7 +111,7 @@ def check(name: str, runs: list[dict]) -> dict[str, Finding]:
 
 @pytest.mark.parametrize("name", FAST)
 def test_first_runs_of_a_quick_report_meet_their_expectations(name: str) -> None:
-    check(name, find(name).quick[:FAST[name]])
+    assert check(name, find(name).quick[:FAST[name]])
 
 
 @pytest.mark.slow
