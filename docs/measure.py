@@ -28,7 +28,7 @@ POSTERS = {"spoon": 8.95, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
 CASES = ["free_fall", "bar", "spin", "uniaxial", "column_weight", "hydrostatic", "return_mapping", "element_path",
          "closed_system", "block_at_rest", "ik_poses", "jerk_limits", "two_models"]
 """Cases of the stored report: a subject each from continuum, fluid, grains, coupling and robot."""
-AXES = ["courant", "friction_angle_deg", "mass_ratio", "lagged_mass_ratio"]
+AXES = ["courant", "friction_angle_deg", "mass_ratio", "lagged_mass_ratio", "rest"]
 SIZES = ["300", "2880", "50000"]
 
 

@@ -29,13 +29,13 @@ class Solver:
     """Explicit MLS-MPM solver of one scene: grid, bodies, colliders and walls.
 
     - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
-    - dt: substep [s]; None: 0.75 of the bound of an isolated particle; above 0.83 of it: TimeStepTooLarge. Substeps
+    - dt: substep [s]; None: 0.81 of the bound of an isolated particle; above 0.83 of it: TimeStepTooLarge. Substeps
       become smaller where a collider would move more than a quarter of a cell in one.
     - precision: "f32", "f64" or None (that of `init`).
     - integrator of Hencky strain: "series", accurate for small strain; "exact", by eigenvalues; "auto", by eigenvalues
       where the series is not accurate; None: "auto" in f32, "exact" in f64.
     - transfer_interval: longest stride [s], the time between two transfers of velocities to the particles; 0: one
-      substep. "strides": 3 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
+      substep. "strides": 6.5 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
     - sleep: whether particles at rest sleep and cost nothing; a number: a factor on `mpm.stepping.sleep_thresholds`.
     - contact: solids stop all material within half a cell, "near", or only what lies at one of their faces, "touching".
 

@@ -59,16 +59,17 @@ def cone() -> str:
 
 
 def stride() -> str:
-    """When particles move and when nodes change their velocity, in a stride of three substeps."""
+    """When particles move and strain, and when nodes change their velocity, in a stride of three substeps."""
     def draw(axes: Axes) -> None:
-        for k in range(4):
-            axes.plot([k, k], [0, 1], color=GREY, lw=1)
+        for k, text in enumerate(("half\na kick", "kick", "kick", "half\na kick")):
+            axes.plot([k, k], [0, 0.42], color=GREY, lw=1)
+            axes.annotate(text, (k, 0.68), ha="center", va="center", fontsize=8.5)
         for k in range(3):
-            axes.annotate("stress, gravity,\ncontact", (k + 0.5, 0.68), ha="center", va="center", fontsize=8.5)
-        axes.annotate("", (1.0, 0.24), (0, 0.24), arrowprops={"arrowstyle": "-|>", "color": GREEN, "lw": 1.6})
-        axes.annotate("", (3.0, 0.24), (1.0, 0.24), arrowprops={"arrowstyle": "-|>", "color": ORANGE, "lw": 1.6})
-        axes.annotate("drift with the old velocity", (0.5, 0.1), ha="center", color=GREEN, fontsize=8.5)
-        axes.annotate("drift with the new velocity", (2.0, 0.1), ha="center", color=ORANGE, fontsize=8.5)
+            axes.annotate("strain", (k + 0.5, 0.68), ha="center", va="center", fontsize=8.5, color=GREY)
+        axes.annotate("", (1.5, 0.24), (0, 0.24), arrowprops={"arrowstyle": "-|>", "color": GREEN, "lw": 1.6})
+        axes.annotate("", (3.0, 0.24), (1.5, 0.24), arrowprops={"arrowstyle": "-|>", "color": ORANGE, "lw": 1.6})
+        axes.annotate("drift with the old velocity", (0.75, 0.1), ha="center", color=GREEN, fontsize=8.5)
+        axes.annotate("drift with the new velocity", (2.25, 0.1), ha="center", color=ORANGE, fontsize=8.5)
         for x, text in ((0, "scatter"), (3, "gather")):
             axes.annotate(text, (x, 1.05), ha="center", color=BLUE)
         axes.set(xlim=(-0.3, 3.3), ylim=(0, 1.2), xlabel="substeps", xticks=range(4), yticks=[])

@@ -30,7 +30,7 @@ def update_nodes_back(a: ti.template(), step: ti.template()):
                     free = ti.Vector([q[0], q[1], q[2]]) / q[3]
                     v_bar = ti.Vector([bar[0], bar[1], bar[2]])
                     if ti.static(len(a.fields.colliders) > 0):
-                        v_bar = collide_back(a, step, I, free + step.dt * gravity, origin, v_bar)
+                        v_bar = collide_back(a, step, I, free + step.kick * gravity, origin, v_bar)
                     p_bar = v_bar / q[3]
                     a.nodes.bars[I] = ti.Vector([p_bar[0], p_bar[1], p_bar[2], bar[3] - p_bar.dot(free)])
 
@@ -105,7 +105,7 @@ def stop_penetration_back(a: ti.template(), step: ti.template()):
     near the tool had before the correction."""
     if step.span > 0:
         for index in ti.static(a.fields.features.moving_solids):
-            stop_at_tool_back(a, a.fields, a.fields.particles, a.bars, index, step, drift_after(step.dt, step.span))
+            stop_at_tool_back(a, a.fields, a.fields.particles, a.bars, index, step, drift_after(a.fields, step))
 
 
 @ti.func

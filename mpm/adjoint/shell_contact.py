@@ -35,12 +35,11 @@ def collide_with_shell_back(a: ti.template(), step: ti.template(), I, J, v, corn
                 y = R.transpose() @ r
                 surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, 0.0 * y, surface_bar,
                              0.0 * y, 0.0 * gap[3])
-                begin = step.row - step.place
-                r = place - collider_origin(step.motion, row, begin)
-                R = collider_axes(step.motion, row, begin)
+                r = place - collider_origin(step.motion, row, step.begin)
+                R = collider_axes(step.motion, row, step.begin)
                 y = R.transpose() @ r
                 n_t, _phi, _sided = a.fields.colliders[index].sdf.at(y)
-                surface_back(a.fields, index, step.motion, step.motion_bar, begin, R, r, y, n_t, 0.0 * y,
+                surface_back(a.fields, index, step.motion, step.motion_bar, step.begin, R, r, y, n_t, 0.0 * y,
                              material * normal_bar, 0.0 * gap[3])
     return v_bar
 
@@ -51,7 +50,7 @@ def stop_at_shells_back(a: ti.template(), step: ti.template()):
     The particles hold the positions before the move, the nodes their velocities; leaves in `a.after` what particles
     with a side had before they were stopped."""
     if step.span > 0:
-        dt = drift_after(step.dt, step.span)
+        dt = drift_after(a.fields, step)
         for q in range(a.fields.particles.pack_count[None]):
             for l in range(LANES):
                 if a.after.side[q][l] != 0:

@@ -56,7 +56,8 @@ def read_list(fields: ti.template(), q):
 
 @ti.func
 def recompute(P: ti.template(), T: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
-    """Repeat the constitutive update of pack q from the state before the substep, which stays; store it in T."""
+    """Repeat the constitutive update of pack q from the state before the substep, which stays; store it in T.
+    Where dt is 0 there is no update: the stress is that of the state."""
     if ti.static(law.state == "volume"):
         T.j[0][q] = advance_volume(P.j[q], dt * (C[0] + C[4] + C[8]))
         write_list(T.tau, q, law.stress(once(T.j[0][q]), C, p))
@@ -72,9 +73,11 @@ def recompute(P: ti.template(), T: ti.template(), law: ti.template(), q, dt, C: 
             write_list(T.v, q, v)
             write_list(T.h, q, h)
             if ti.static(law.plastic):
-                mapped, _expansion = law.return_mapping(h, read_expansion(P, law, q), p, dt)
-                write_list(T.mapped, q, mapped)
-                write_list(T.tau, q, law.stress(mapped, p))
+                write_list(T.mapped, q, h)
+                if dt > 0:
+                    mapped, _expansion = law.return_mapping(h, read_expansion(P, law, q), p, dt)
+                    write_list(T.mapped, q, mapped)
+                write_list(T.tau, q, law.stress(read_list(T.mapped, q), p))
             else:
                 write_list(T.tau, q, law.stress(h, p))
 
@@ -142,7 +145,10 @@ def trial_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.tem
             read_list(T.h, q), read_expansion(P, law, q), p, dt,
             [once(from_stress[i] + from_state[i]) for i in range(6)], read_expansion(B, law, q), T.soft)
         if ti.static(law.has_volume_correction):
-            B.vc[q] = expansion_bar
+            B.vc[q] = ti.select(dt > 0, expansion_bar, B.vc[q])
+        through = logarithm_back(read_list(T.d, q), v, [once(ti.select(dt > 0, h_bar[i], from_stress[i]))
+                                                        for i in range(6)], T.svd)
+        mapped_bar = [once(ti.select(dt > 0, p_bar[i], 0.0 * p_bar[i])) for i in range(len(p_bar))]
         for i in ti.static(range(2)):
-            p_bar[i] += elastic_bar[i]
-        return logarithm_back(read_list(T.d, q), v, h_bar, T.svd), p_bar
+            mapped_bar[i] += elastic_bar[i]
+        return [once(through[i] + ti.select(dt > 0, 0.0 * e_bar[i], e_bar[i])) for i in range(6)], mapped_bar

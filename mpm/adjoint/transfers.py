@@ -40,7 +40,7 @@ def add_offset_bars(products: ti.template(), nodes: ti.template(), layers: ti.te
 def gather_back(a: ti.template(), step: ti.template()):
     """Adjoint of `gather_packs`: adds to the adjoints of node velocities, sets those of the positions before.
     The particles hold the positions before, `a.after` velocities and positions after, `a.bars` the adjoints after."""
-    gather_body_back(a, a.fields, a.fields.particles, a.bars, a.after, drift_after(step.dt, step.span))
+    gather_body_back(a, a.fields, a.fields.particles, a.bars, a.after, drift_after(a.fields, step))
 
 
 @ti.func
@@ -92,11 +92,11 @@ def scatter_body_back(a: ti.template(), fields: ti.template(), P: ti.template(),
     p = [once(fields.parameters.law[body, i]) for i in range(PARAMETERS)]
     ends = P.range_table[body]
     for q in range(ends[0], ends[1]):
-        recompute(P, T, law, q, step.dt, read_list(P.C, q), p)
+        recompute(P, T, law, q, step.strain, read_list(P.C, q), p)
     transfer_back(a, fields, P, B, T.tau, fields.parameters.densities[body] * ti.cast(step.transfer_mass, fields.real),
-                  -step.dt * 4.0 / (fields.cell * fields.cell), ends[0], ends[1])
+                  -step.kick * 4.0 / (fields.cell * fields.cell), ends[0], ends[1])
     for q in range(ends[0], ends[1]):
-        rate_bar, p_bar = stress_back(P, B, T, law, q, step.dt, read_list(P.C, q), p)
+        rate_bar, p_bar = stress_back(P, B, T, law, q, step.strain, read_list(P.C, q), p)
         for i in ti.static(range(9)):
             B.C[i][q] = B.C[i][q] + rate_bar[i]
         if ti.static(a.materials):

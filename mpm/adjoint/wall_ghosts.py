@@ -58,7 +58,7 @@ def unfold_walls_back(a: ti.template(), step: ti.template()):
                     if tape.nodes[tape.at[None], w, WALL, i, j][3] != 0:
                         hidden = folded_earlier(grid, table, W, axis)
                         column_back(bars, tape, conditions, ti.Vector([w, i, j]), W, axis, inward, kind,
-                                    separable, n, hidden, step.dt, p)
+                                    separable, n, hidden, step.kick, p)
 
 
 @ti.func

@@ -272,7 +272,7 @@ def solve_mobile_contact(fields: ti.template(), step: ti.template(), first, last
     """Phase: contact of the listed nodes with the mobile colliders, which then move to the end of the substep."""
     solve_contact(fields, step, fields.world_origin())
     if step.thread == 0:
-        move_colliders(fields, step.mobile, step.motion, step.row, step.dt)
+        move_colliders(fields, step.mobile, step.motion, step.row, step.kick)
 
 
 @ti.func

@@ -76,8 +76,8 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
         first_moment += ti.cast(mass, ti.f64) * position(in_first_layer(fields.grid, block), origin, fields.cell) \
             + fields.cell * ti.cast(lever, ti.f64)
     if ti.static(step.threads == 1) or weight > 0:
-        p = weight * step.dt * ti.cast(gravity, ti.f64)
-        moment = first_moment.cross(ti.cast(gravity, ti.f64)) * step.dt
+        p = weight * step.kick * ti.cast(gravity, ti.f64)
+        moment = first_moment.cross(ti.cast(gravity, ti.f64)) * step.kick
         for d in ti.static(range(3)):
             add(step.out, GRAVITY_ROW, d, p[d])
             add(step.out, GRAVITY_ROW, 3 + d, moment[d])
@@ -91,7 +91,7 @@ def update_node(fields: ti.template(), step: ti.template(), places: ti.template(
     q = fields.grid.nodes[I]
     if q[3] > 0:
         mass = q[3]
-        v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.dt * gravity
+        v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.kick * gravity
         if touches > 0:
             v = collide(fields, step, places, axes, I, v, q[3], origin)
         fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])

@@ -21,7 +21,7 @@ face (1e-3), too little to throw what a scene begins with inside a tool."""
 def stop_penetration(fields: ti.template(), step: ti.template(), first, last):
     """Phase: stop the particles of packs first .. last - 1 whose cubes a moving solid has entered; credit the solid."""
     if step.span > 0:
-        dt = drift_after(step.dt, step.span)
+        dt = drift_after(fields, step)
         places = [once(collider_origin(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
         axes = [once(collider_axes(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
         for body in range(fields.parameters.densities.shape[0]):
@@ -65,7 +65,7 @@ def order_penetrating(fields: ti.template(), step: ti.template(), first, last):
 def stop_penetrating(fields: ti.template(), step: ti.template(), first, last):
     """Phase: stop the particles that several threads have listed, one after the other, as each moves mobile solids."""
     if step.span > 0:
-        dt = drift_after(step.dt, step.span)
+        dt = drift_after(fields, step)
         count = fields.penetrating.count[None]
         if ti.static(fields.parts > 0):
             sort_by_part(fields.penetrating.order, fields.penetrating.part, fields.penetrating.begins, 0, count)

@@ -35,7 +35,7 @@ def scatter_across_shells(fields: ti.template(), step: ti.template(), first, las
 def gather_across_shells(fields: ti.template(), step: ti.template(), first, last):
     """Phase: gather the listed particles first .. last - 1, from the layers that they scattered to.
     At the end of a stride those move that do not enter a shell."""
-    dt = drift_after(step.dt, step.span)
+    dt = drift_after(fields, step)
     for n in range(first, last):
         slot = fields.shells.slot[n]
         side = ti.cast(read_lane(fields.particles.side, slot), ti.i32)
@@ -123,7 +123,7 @@ def stop_at_shells(fields: ti.template(), step: ti.template(), first, last):
     Nodes hold a material back, but not exactly where the shell is, nor each of its particles: this stops the last of
     them, and keeps the material's edge at the shell's face."""
     if step.span > 0:
-        dt = drift_after(step.dt, step.span)
+        dt = drift_after(fields, step)
         for number in range(first, last):
             n = number
             if ti.static(fields.shells.lists_entering):

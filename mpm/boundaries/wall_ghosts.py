@@ -114,7 +114,7 @@ def fold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template
     """Fold the ghosts of one wall, see `fold_walls`."""
     axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
     n = normal4(axis, inward, grid.nodes.dtype)
-    fall = step.dt * (gravity[0] * n[0] + gravity[1] * n[1] + gravity[2] * n[2])
+    fall = step.kick * (gravity[0] * n[0] + gravity[1] * n[1] + gravity[2] * n[2])
     for active in range(first, last):
         block = grid.active[active]
         if kind != IS_PERIODIC and on_plane(grid, block, axis, node):
@@ -169,7 +169,7 @@ def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.templa
                     step.tape.record(grid, w, W, axis, inward, step.stamp)
                 if grid.nodes[W][3] != 0:
                     impulse, across = unfold_column(grid, table, conditions, W, axis, inward, kind, separable, n,
-                                                    step.stamp, step.dt, p)
+                                                    step.stamp, step.kick, p)
                     touched = 1
                     total += ti.cast(impulse, ti.f64)
                     place = position(in_first_layer(grid, W), origin, cell)

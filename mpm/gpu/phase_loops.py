@@ -33,48 +33,46 @@ class PhaseLoops:
         """Rows of the grid of blocks."""
 
     @ti.kernel
-    def run(self, row: ti.i32, stamp: ti.i32, dt: float, motion: ti.types.ndarray(), mobile: ti.types.ndarray(),
-            out: ti.types.ndarray(), transfer_mass: ti.i32, span: ti.i32, runs: ti.i32):
+    def run(self, row: ti.i32, stamp: ti.i32, dt: float, kick: float, strain: float, motion: ti.types.ndarray(),
+            mobile: ti.types.ndarray(), out: ti.types.ndarray(), transfer_mass: ti.i32, span: ti.i32, runs: ti.i32):
         """Run the phases in one substep, see `Step`; runs: 0 to do nothing."""
+        alone = ti.static(Step(row, stamp, dt, kick, strain, transfer_mass, span, motion, mobile, ledger_of(out, 0)))
         for phase in ti.static(self.phases):
             if ti.static(phase.over == "team"):
                 ti.loop_config(block_dim=self.team)
                 for thread in range(ti.static(self.team)):
-                    step = ti.static(Step(row, stamp, dt, transfer_mass, span, motion, mobile, ledger_of(out, 0),
-                                          thread=thread, threads=self.team))
+                    step = ti.static(alone._replace(thread=thread, threads=self.team))
                     if runs > 0:
                         phase.run(self.fields, step, 0, 1)
             elif ti.static(phase.over in ("once", "entering in order")):
                 ti.loop_config(serialize=True)
                 for _ in range(runs):
-                    step = ti.static(Step(row, stamp, dt, transfer_mass, span, motion, mobile, ledger_of(out, 0)))
-                    phase.run(self.fields, step, 0, count_of(self.fields, phase.over))
+                    phase.run(self.fields, alone, 0, count_of(self.fields, phase.over))
             elif ti.static(phase.over == "rows"):
                 for r in range(ti.static(self.rows)):
-                    step = ti.static(Step(row, stamp, dt, transfer_mass, span, motion, mobile, ledger_of(out, 0)))
                     if runs > 0:
-                        phase.run(self.fields, step, r, r + 1)
+                        phase.run(self.fields, alone, r, r + 1)
             elif ti.static(phase.over == "walls"):
                 for w in ti.static(range(WALLS)):
                     ti.loop_config(block_dim=GROUP)
                     for turn in range(ti.static(self.block_parts * BLOCK**2)):
                         first, last = self.blocks_of(turn // BLOCK**2)
-                        step = ti.static(Step(row, stamp, dt, transfer_mass, span, motion, mobile,
-                                              ledger_of(out, turn), column=turn % BLOCK**2, columns=BLOCK**2))
+                        step = ti.static(alone._replace(out=ledger_of(out, turn), column=turn % BLOCK**2,
+                                                        columns=BLOCK**2))
                         if runs > 0:
                             phase.run(self.fields, step, w, first, last)
             elif ti.static(phase.over == "blocks"):
                 ti.loop_config(block_dim=GROUP)
                 for turn in range(ti.static(self.block_parts * BLOCK**3)):
                     first, last = self.blocks_of(turn // BLOCK**3)
-                    step = ti.static(Step(row, stamp, dt, transfer_mass, span, motion, mobile, ledger_of(out, turn),
-                                          thread=turn % BLOCK**3, threads=BLOCK**3))
+                    step = ti.static(alone._replace(out=ledger_of(out, turn), thread=turn % BLOCK**3,
+                                                    threads=BLOCK**3))
                     if runs > 0:
                         phase.run(self.fields, step, first, last)
             else:
                 ti.loop_config(block_dim=GROUP)
                 for place in range(ti.static(self.n_lanes if phase.over == "listed" else self.n_packs)):
-                    step = ti.static(Step(row, stamp, dt, transfer_mass, span, motion, mobile, ledger_of(out, place)))
+                    step = ti.static(alone._replace(out=ledger_of(out, place)))
                     if runs > 0 and place < count_of(self.fields, phase.over):
                         phase.run(self.fields, step, place, place + 1)
 

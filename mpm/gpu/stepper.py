@@ -76,21 +76,24 @@ class GpuStepper(CpuStepper):
             bank.store_now(0)
         self.fields.particles.halted[None] = 0
         for loops in self.loops if substeps == 0 else ():  # only to compile
-            loops.run(0, 0, dt, motion, mobile, out, 1, 0, 0)
-        left, stamp, span = 0, launch.stamp, 1
+            loops.run(0, 0, dt, dt, dt, motion, mobile, out, 1, 0, 0)
+        left, stamp, span, strides = 0, launch.stamp, 1, self.fields.features.strides
         for s in range(substeps):
             starts = left == 0
             if starts:
                 stamp, span = launch.stamp + s, 1
                 most = min(launch.max_stride, substeps - s, interval - (launch.done + s) % interval)
-                if self.fields.features.strides and most > 1:
+                if strides:
                     span = self.stride(s, dt, motion, mobile, most)
-                    if span > 1:
-                        self.drift(0.5 * dt * (span - 1), stamp)
+                    self.drift(0.5 * dt * span, stamp)
+                    span = max(span, 1)
+                    for loops in self.loops:  # a stride begins with half a kick
+                        loops.run(s, stamp, dt, 0.5 * dt, 0.0, motion, mobile, out, 1, 0, 1)
                 left = span
             left -= 1
+            kick = 0.5 * dt if strides and left == 0 else dt
             for loops in self.loops:
-                loops.run(s, stamp, dt, motion, mobile, out, int(starts), span * (left == 0), 1)
+                loops.run(s, stamp, dt, kick, dt, motion, mobile, out, int(not strides), span * (left == 0), 1)
             if self.has_counter and (launch.done + s + 1) % interval == 0:
                 self.read(motion, s, launch.done + s + 1, interval, out, per_particle)
         self.sum_up(out, sampled)
@@ -115,7 +118,8 @@ class GpuStepper(CpuStepper):
         ti.loop_config(block_dim=GROUP)
         for part in range(ti.static(self.sum_parts)):
             first, last = self.stretch(part)
-            ti.atomic_max(self.speeds[part % STRIPES], fastest_square(self.fields, self.fields.particles, first, last))
+            ti.atomic_max(self.speeds[part % STRIPES],
+                          fastest_square(self.fields, self.fields.particles, dt, first, last))
         ti.loop_config(serialize=True)
         for stripe in range(1, STRIPES):
             self.speeds[0] = ti.max(self.speeds[0], self.speeds[stripe])

@@ -46,7 +46,8 @@ def advance_volume(j, d):
 @ti.func
 def update_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, dt, C: ti.template(),
                   p: ti.template()):
-    """Advance the state of pack q by dt [s] with the velocity gradient C; return its Kirchhoff stress [Pa]."""
+    """Advance the state of pack q by dt [s] with the velocity gradient C; return its Kirchhoff stress [Pa].
+    dt may be 0 where there are strides."""
     if ti.static(law.state == "volume"):
         P.j[q] = advance_volume(P.j[q], dt * (C[0] + C[4] + C[8]))
         return law.stress(once(P.j[q]), C, p)
@@ -74,16 +75,32 @@ def advance_elastically(P: ti.template(), q, dt, C: ti.template()):
 def update_plastic_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, dt, C: ti.template(),
                           p: ti.template()):
     """Apply the return mapping to the trial Hencky strain, store the new e; return the Kirchhoff stress [Pa]."""
-    remembered = C[0] * 0.0
+    trial = fields.logarithm(advance_elastically(P, q, dt, C))
+    if ti.static(fields.features.strides):
+        h = [once(trial[i]) for i in range(6)]
+        if dt > 0:
+            mapped = map_and_store(fields, P, law, q, dt, trial, p)
+            for i in ti.static(range(6)):
+                h[i] = mapped[i]
+        return law.stress(h, p)
+    else:
+        return law.stress(map_and_store(fields, P, law, q, dt, trial, p), p)
+
+
+@ti.func
+def map_and_store(fields: ti.template(), P: ti.template(), law: ti.template(), q, dt, trial: ti.template(),
+                  p: ti.template()):
+    """Return the Hencky strain (six) after the return mapping of a trial strain; store its e."""
+    remembered = trial[0] * 0.0
     if ti.static(law.has_volume_correction):
         remembered = P.vc[q]
-    h, expansion = law.return_mapping(fields.logarithm(advance_elastically(P, q, dt, C)), remembered, p, dt)
+    h, expansion = law.return_mapping(trial, remembered, p, dt)
     if ti.static(law.has_volume_correction):
         P.vc[q] = expansion
     back = fields.exponential(h)
     for i in ti.static(range(6)):
         P.e[i][q] = back[i]
-    return law.stress(h, p)
+    return h
 
 
 @ti.func

@@ -52,7 +52,7 @@ def start_mobile_colliders(fields: ti.template(), step: ti.template(), first, la
     for b in ti.static(range(len(fields.features.mobile))):
         fields.mobile_nodes.count[b] = 0
         for i in ti.static(range(6)):
-            mobile[b, TWIST + i] = mobile[b, TWIST + i] + step.dt * mobile[b, RATE + i]
+            mobile[b, TWIST + i] = mobile[b, TWIST + i] + step.kick * mobile[b, RATE + i]
     write_motion(fields, mobile, motion, step.row)
 
 

@@ -159,7 +159,7 @@ class Readings:
             if body.material.state == "volume":
                 j = particles.read([particles.j])[chosen, 0].astype(float)
                 # as `advance_volume`
-                growth = np.exp(np.arcsinh(self.progress.substep * C[chosen][:, [0, 4, 8]].sum(1)))
+                growth = np.exp(np.arcsinh(self.strain_lag * C[chosen][:, [0, 4, 8]].sum(1)))
                 ratios[chosen] = np.maximum((1.0 + j) * growth, LEAST_RATIO)
         return ratios
 
@@ -170,12 +170,18 @@ class Readings:
             yield body, slice(first, first + count)
             first += count
 
+    @property
+    def strain_lag(self) -> float:
+        """Time [s] by which strains lag behind positions: a single substep begins by adding that of the last
+        velocities, a stride ends with it."""
+        return 0.0 if self.fields.features.strides else self.progress.substep
+
     def strains(self, C: np.ndarray) -> np.ndarray:
         """Return e = b - I of all particles, entries xx, yy, zz, xy, xz, yz (6, n), for C (n, 9).
 
-        A substep begins by adding the strain of the last velocities C: with it the strain is that of the positions."""
+        With the strain of the last velocities C, where it is not yet in e, the strain is that of the positions."""
         e = np.ascontiguousarray(self.particles.read(self.particles.e).T, float)
-        a = np.ascontiguousarray((self.progress.substep * C).T)
+        a = np.ascontiguousarray((self.strain_lag * C).T)
         rows = [(e[0], e[3], e[4]), (e[3], e[1], e[5]), (e[4], e[5], e[2])]
         # (I + a) e + a, and that times (I + a)^T, and a^T
         p = [[rows[i][k] + a[3 * i] * rows[0][k] + a[3 * i + 1] * rows[1][k] + a[3 * i + 2] * rows[2][k] + a[3 * i + k]

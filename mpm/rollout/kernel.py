@@ -10,12 +10,12 @@ from mpm.rollout.phases import ReverseStep, reverse_phases
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.packs import LANES
-from mpm.state.particle_motion import drift_before, move_pack
+from mpm.state.particle_motion import move_pack
 from mpm.state.particles import ParticleFields
 from mpm.stepping.cpu import add_status, run_phase, run_phases
 from mpm.stepping.phases import Step, split_phases
 from mpm.stepping.snapshots import StateBank
-from mpm.stepping.stride import MAX_SUBSTEPS, fastest_square, limit_stride
+from mpm.stepping.stride import MAX_SUBSTEPS, fastest_square, kick_of, limit_stride
 from mpm.stepping.thread_group import ThreadGroup
 
 POSITIONS, VELOCITIES, ALL = range(3)
@@ -51,9 +51,10 @@ class AdjointKernel:
         self.bars = ParticleAdjoints(fields.particles, precision)
         self.after = Moved(fields.particles, precision)
         self.intermediates = ForwardIntermediates(fields.laws, n_packs, precision, svd=svd, soft=soft)
-        self.depth = depth
-        self.tape = WallTape(fields.grid, precision, depth)
-        self.nodes = NodeTape(fields.grid, precision, depth)
+        self.depth, self.halves = depth, int(fields.features.strides)
+        """The most substeps of a stride; whether it begins with half a kick, one update of nodes more."""
+        self.tape = WallTape(fields.grid, precision, depth + self.halves)
+        self.nodes = NodeTape(fields.grid, precision, depth + self.halves)
         self.begin = ti.field(ti.i32, history.slots)  # first slot of the stride that a slot's substep belongs to
         self.parameter_bars = ti.field(ti.f64, (fields.parameters.densities.shape[0], PARAMETERS))
         """Adjoints of the parameters of each body's law."""
@@ -82,32 +83,59 @@ class AdjointKernel:
                     if ti.static(self.depth > 1):
                         most = ti.min(self.depth, interval - done % interval)
                         most = ti.min(most, MAX_SUBSTEPS - done % interval % MAX_SUBSTEPS)  # as launches are split
-                        fastest = fastest_square(self.fields, self.fields.particles, 0,
+                        fastest = fastest_square(self.fields, self.fields.particles, dt, 0,
                                                  self.fields.particles.pack_count[None])
-                        span = limit_stride(self.fields, motion, done, mobile, dt, most, fastest)
+                        span = ti.max(limit_stride(self.fields, motion, done, mobile, dt, most, fastest), 1)
                 else:
                     begin = self.begin[first + substeps - done - 1] - first
                     span = substeps - done - begin
-                for k in range(span):
+                for k in range(span + self.halves):
                     if forward == 0:
-                        self.history.restore(first + begin + k)
+                        self.restore_before(first + begin, k)
                     if k == 0:
-                        self.drift(drift_before(dt, span))
-                    row, stamp, moved = begin + k, first_stamp + 2 * done, span * (k == span - 1)
-                    step = ti.static(Step(row, stamp, dt, ti.cast(k == 0, ti.i32), moved, motion, mobile, out,
-                                          tape=self.tape))
+                        self.drift(0.5 * dt * span)
+                    row, kick, strain, moved = self.plan(begin, k, span, dt)
+                    stamp = first_stamp + 2 * done
+                    step = ti.static(Step(row, stamp, dt, kick, strain, ti.cast(k == 0, ti.i32), moved, motion, mobile,
+                                          out, tape=self.tape))
                     self.update_nodes(step, k, forward)
-                    if forward > 0:
-                        self.begin[first + begin + k] = first + begin
-                        run_phases(self.fields, self.particle_phases, ti.static(ThreadGroup()), step)
-                        self.history.store(first + begin + k + 1)
-                    else:
+                    if forward == 0:
                         self.nodes.record(self.fields.grid, self.nodes.velocities, k)
+                    if forward > 0 or k < self.halves:
+                        run_phases(self.fields, self.particle_phases, ti.static(ThreadGroup()), step)
+                        self.history.store(self.slot_after(first + begin, k))
+                    if forward > 0 and k >= self.halves:
+                        self.begin[first + begin + k - self.halves] = first + begin
                 if forward == 0:
                     self.reverse_stride(first, begin, span, interval, dt, motion, loss_bar, motion_bar, norms)
                 done += span
             if forward > 0:
                 add_status(self.fields, self.fields.particles, out, 0, self.fields.particles.pack_count[None])
+
+    @ti.func
+    def plan(self, begin: ti.i32, k: ti.i32, span: ti.i32, dt):
+        """Return the row of the motion table, kick [s], strain [s] and span of the k-th update of nodes in a stride."""
+        row, kick, strain, moved = begin + k, dt, dt, 1
+        if ti.static(self.halves > 0):
+            row, moved = begin + ti.max(k - 1, 0), span * (k == span)
+            kick, strain = kick_of(dt, ti.min(k, 1), span - k), dt * ti.min(k, 1)
+        return row, kick, strain, moved
+
+    @ti.func
+    def slot_after(self, begin: ti.i32, k: ti.i32):
+        """Return the slot of the state after the k-th update of nodes in the stride that begins with slot `begin`."""
+        slot = begin + k + 1 - self.halves
+        if ti.static(self.halves > 0):
+            slot = ti.select(k == 0, self.history.slots - 1, slot)  # what half a kick leads to is kept aside
+        return slot
+
+    @ti.func
+    def restore_before(self, begin: ti.i32, k: ti.i32):
+        """Restore the state before the k-th update of nodes in a stride."""
+        slot = begin
+        if k > 0:
+            slot = self.slot_after(begin, k - 1)
+        self.history.restore(slot)
 
     @ti.func
     def update_nodes(self, step: ti.template(), k: ti.i32, forward: ti.i32):
@@ -125,33 +153,36 @@ class AdjointKernel:
     def reverse_stride(self, first: ti.i32, begin: ti.i32, span: ti.i32, interval: ti.i32, dt, motion: ti.template(),
                        loss_bar: ti.template(), motion_bar: ti.template(), norms: ti.template()):
         """Reverse the substeps begin .. begin + span - 1, which have just been repeated."""
-        for reverse in range(span):
-            k = span - 1 - reverse
-            if k < span - 1:
-                self.history.restore(first + begin + k)
+        for reverse in range(span + self.halves):
+            k = span + self.halves - 1 - reverse
+            if reverse > 0:
+                self.restore_before(first + begin, k)
                 if k == 0:
-                    self.drift(drift_before(dt, span))
+                    self.drift(0.5 * dt * span)
                 self.nodes.restore(self.fields.grid, k)
             else:
                 self.nodes.clear_bars(self.fields.grid)
                 if (first + begin + span) % interval == 0:
                     self.add_loss(loss_bar, (first + begin + span) // interval - 1)
-            row, slot, moved = begin + k, first + begin + k, span * (k == span - 1)
-            self.read_moved(slot + 1)
+            row, kick, strain, moved = self.plan(begin, k, span, dt)
+            slot = first + begin
+            if k > 0:
+                slot = self.slot_after(first + begin, k - 1)
+            self.read_moved(self.slot_after(first + begin, k))
             for adjoint in ti.static(self.reverse_phases):
-                adjoint(self, ti.static(ReverseStep(row, k, moved, slot, dt, ti.cast(k == 0, ti.i32), motion,
-                                                    motion_bar)))
+                adjoint(self, ti.static(ReverseStep(row, begin, k, moved, slot, dt, kick, strain,
+                                                    ti.cast(k == 0, ti.i32), motion, motion_bar)))
             if ti.static(self.clips):
                 self.clip()
             if k == 0:
-                self.drift_back(drift_before(dt, span))
-            if (first + begin + k) % interval == 0:
-                self.measure(norms, (first + begin + k) // interval)
+                self.drift_back(0.5 * dt * span)
+                if (first + begin) % interval == 0:
+                    self.measure(norms, (first + begin) // interval)
 
     @ti.func
     def drift(self, dt):
         """Move all particles for dt [s], before their blocks are listed."""
-        if ti.static(self.depth > 1):
+        if ti.static(self.halves > 0):
             for q in range(self.fields.particles.pack_count[None]):
                 for d in ti.static(range(3)):
                     if dt > 0:
@@ -160,7 +191,7 @@ class AdjointKernel:
     @ti.func
     def drift_back(self, dt):
         """Adjoint of `drift`; the particles hold the positions after it."""
-        if ti.static(self.depth > 1):
+        if ti.static(self.halves > 0):
             for q in range(self.fields.particles.pack_count[None]):
                 for d in ti.static(range(3)):
                     bar = inside_bar(self.fields, self.fields.particles.x[d][q], self.bars.x[d][q], d, dt)

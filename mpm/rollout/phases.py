@@ -29,10 +29,13 @@ class ReverseStep(NamedTuple):
     """What an adjoint needs to know of the substep that it reverses; made inside a kernel, of Taichi values."""
 
     row: Any  # row of the motion table
-    place: Any  # number of the substep in its stride
+    begin: Any  # that of the stride's first substep
+    place: Any  # number of the update of nodes in its stride
     span: Any  # substeps of the stride that ends with this one, 0 within a stride
     slot: Any  # slot of the history with the state before the substep
-    dt: Any  # [s]
+    dt: Any  # length of a substep [s]
+    kick: Any  # time [s] for which nodes felt forces
+    strain: Any  # time [s] for which the particles' state advanced first
     transfer_mass: Any  # 1 where nodes took momentum and mass from the particles
     motion: Any  # motion table (1, n, COLUMNS) of the tool
     motion_bar: Any  # its adjoint (n, COLUMNS), added to

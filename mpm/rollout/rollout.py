@@ -173,7 +173,7 @@ class Rollout:
 
     def _pieces(self, begin: int, end: int) -> list[tuple[int, int]]:
         """Split steps begin .. end - 1 into runs that fit into the history."""
-        chunk = (self.schedule.slots - 1) // self.substeps
+        chunk = (self.schedule.slots - 2) // self.substeps
         return [(b, min(b + chunk, end)) for b in range(begin, end, chunk)]
 
     def _start_from(self, checkpoint: int) -> None:

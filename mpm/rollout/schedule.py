@@ -79,7 +79,7 @@ def _smallest(steps: int, substeps: int, n_bytes: int, levels: int) -> Schedule:
         chunks = [(math.ceil(steps / parts**levels), parts) for parts in range(2, most + 1)]
     plans = []
     for chunk, parts in chunks:
-        slots = chunk * substeps + 1
+        slots = chunk * substeps + 2  # the first state, and aside what half a kick leads to
         # the start's state, and a state for every further part of every level; with none, the start's beside the slots
         checkpoints = 1 + levels * (parts - 1)
         plans.append(Schedule(steps, chunk, parts, levels, slots, checkpoints, (slots + checkpoints) * n_bytes))

@@ -11,12 +11,18 @@ With a half, a remainder of just that would move a particle at rest to and fro."
 
 @ti.func
 def drift_packs(fields: ti.template(), P: ti.template(), dt, stamp: ti.i32, first, last):
-    """Move packs first .. last - 1 for dt [s], and activate the blocks that their stencils reach now."""
+    """Move packs first .. last - 1 for dt [s], and activate the blocks that their stencils reach now.
+    One that would reach a wall in twice that time, a stride, stays where it is: the wall has not acted on it yet."""
     last_key = -1
     for place in range(first, last):
         q = pack_at(fields, place)
+        time = dt + 0.0 * P.v[0][q]
         for r in ti.static(range(3)):
-            move_pack(fields, P, q, r, dt * P.v[r][q])
+            if ti.static(not fields.features.periodic[r]):
+                x = P.x[r][q] + 2.0 * dt * P.v[r][q]
+                time = ti.select(keep_inside(fields, x, r) == x, time, 0.0 * time)
+        for r in ti.static(range(3)):
+            move_pack(fields, P, q, r, time * P.v[r][q])
         last_key = mark_active_lanes(fields, P, q, last_key, stamp)
 
 
@@ -71,15 +77,11 @@ def mark_active_lanes(fields: ti.template(), P: ti.template(), q, last_key, stam
 
 
 @ti.func
-def drift_before(dt, span: ti.i32):
-    """Return the time [s] that particles drift before a stride of `span` substeps: 0 before a single substep."""
-    return 0.5 * dt * (span - 1)
-
-
-@ti.func
-def drift_after(dt, span: ti.i32):
-    """Return the time [s] that particles drift after a stride of `span` substeps; 0 for span 0, within one."""
-    return 0.5 * dt * (span + (span > 0))
+def drift_after(fields: ti.template(), step: ti.template()):
+    """Return the time [s] that particles drift after a substep: half of the stride that ends with it, 0 within one.
+    Where there are no strides, the whole substep."""
+    share = ti.static(0.5 if fields.features.strides else 1.0)
+    return share * step.dt * step.span
 
 
 @ti.func

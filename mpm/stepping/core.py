@@ -21,7 +21,7 @@ from mpm.state.fields import Fields, allocate_fields, count_parts, fill_fields, 
 from mpm.state.memory import check_memory
 from mpm.stepping.rollback import Rollback
 from mpm.stepping.settings import Settings
-from mpm.stepping.stride import choose_interval
+from mpm.stepping.stride import choose_interval, longest_stride
 
 
 class Core:
@@ -36,8 +36,9 @@ class Core:
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
         bound = min(material_bound(scene.grid.cell, material) for material in materials)
+        interval = choose_interval(numerics.transfer_interval, scene, bound)
         self.features = features_of(scene, numerics, body_acceleration=has_accelerations,
-                                    strides=choose_interval(numerics.transfer_interval, scene, bound) > 0)
+                                    strides=longest_stride(interval, self.dt) > 1)
         self.mobility = MobilityTable(self.features.mobile)
         self.paths = ColliderPaths(scene, self.features, self.mobility)
         self.tenure = self._take_fields()

@@ -17,13 +17,13 @@ from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.ledger import Stripe, add, add_stripes, maximise
 from mpm.state.packs import LANES, count_packs, pack_at, packs_of_body
-from mpm.state.particle_motion import drift_before, drift_packs, mark_active_lanes
+from mpm.state.particle_motion import drift_packs, mark_active_lanes
 from mpm.state.particles import AT_WALL
 from mpm.state.sleepers import CHECK_INTERVAL, adopt_rest
 from mpm.stepping.phases import Launch, Step, phases_of
 from mpm.stepping.sleep_check import check_sleep
 from mpm.stepping.snapshots import StateBank
-from mpm.stepping.stride import fastest_square, limit_stride
+from mpm.stepping.stride import fastest_square, kick_of, limit_stride
 from mpm.stepping.thread_group import (
     ALONE,
     TURNS,
@@ -174,17 +174,23 @@ class CpuStepper:
                     most = ti.min(ti.min(launch.max_stride, launch.substeps - s),
                                   launch.interval - (launch.done + s) % launch.interval)
                     span = self.plan_stride(present, launch, s, most)
-                    if span > 1:
-                        for part in range(group.thread, last_part(present)):
-                            begin, end = part_of(count_packs(self.fields), part, group)
-                            drift_packs(self.fields, self.fields.particles, drift_before(launch.dt, span), stamp, begin,
-                                        end)
-                        synchronize(present)
+                    for part in range(group.thread, last_part(present)):
+                        begin, end = part_of(count_packs(self.fields), part, group)
+                        drift_packs(self.fields, self.fields.particles, 0.5 * launch.dt * span, stamp, begin, end)
+                    synchronize(present)
+                    span = ti.max(span, 1)
                 left = span
             left -= 1
-            row, transfer_mass, moved = launch.first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
-            run_phases(self.fields, self.phases, present, ti.static(Step(row, stamp, launch.dt, transfer_mass, moved,
-                                                                         launch.motion, launch.mobile, launch.out)))
+            row = launch.first_row + s
+            if ti.static(self.fields.features.strides):
+                for is_strained in range(1 - ti.cast(starts, ti.i32), 2):  # a stride begins with half a kick
+                    kick = kick_of(launch.dt, is_strained, left)
+                    run_phases(self.fields, self.phases, present, ti.static(Step(
+                        row, stamp, launch.dt, kick, is_strained * launch.dt, 1 - is_strained,
+                        is_strained * span * (left == 0), launch.motion, launch.mobile, launch.out)))
+            else:
+                run_phases(self.fields, self.phases, present, ti.static(Step(
+                    row, stamp, launch.dt, launch.dt, launch.dt, 1, 1, launch.motion, launch.mobile, launch.out)))
             if self.fields.particles.halted[None] > 0:
                 if group.thread == 0:
                     add(launch.out, self.fields.rows.status, 2, ti.cast(s + 1, ti.f64))
@@ -202,7 +208,7 @@ class CpuStepper:
         """Return the substeps of the stride that begins with substep s of a launch, see `limit_stride`."""
         for part in range(group.thread, last_part(group)):
             begin, end = part_of(count_packs(self.fields), part, group)
-            self.fastest[part] = fastest_square(self.fields, self.fields.particles, begin, end)
+            self.fastest[part] = fastest_square(self.fields, self.fields.particles, launch.dt, begin, end)
         synchronize(group)
         fastest = self.fastest[0]
         for part in ti.static(range(1, group.threads)):

@@ -33,7 +33,9 @@ class Step(NamedTuple):
 
     row: Any  # row of the motion table
     stamp: Any  # number of the first substep of the stride, which active blocks carry
-    dt: Any  # [s]
+    dt: Any  # length of a substep [s]
+    kick: Any  # time [s] for which nodes feel forces now: dt, or half of it at both ends of a stride
+    strain: Any  # time [s] for which the particles' state advances first: dt, or 0 at the beginning of a stride
     transfer_mass: Any
     """1 where nodes take momentum and mass from the particles, 0 where they keep those of the previous substep."""
     span: Any

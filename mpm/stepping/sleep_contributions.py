@@ -107,7 +107,7 @@ def add_sleepers(fields: ti.template(), step: ti.template(), first, last):
     """Phase: add the force of sleepers, and where mass is transferred their mass, in active blocks first .. last - 1.
     Nodes that no waking particle has mass at are left alone, at zero: whatever sleeps there is in balance. A wall's
     ghost counts where it is folded to."""
-    factors = ti.Vector([step.dt, step.dt, step.dt, ti.cast(step.transfer_mass, fields.real)])
+    factors = ti.Vector([step.kick, step.kick, step.kick, ti.cast(step.transfer_mass, fields.real)])
     for n in range(first, last):
         block = fields.grid.active[n]
         if block[0] < fields.grid.width // BLOCK and fields.sleepers.stencil_count[block] > 0:
@@ -148,7 +148,7 @@ def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last
     check = fields.sleepers.check[None] + 1
     time, ends = step.span * step.dt, ti.cast(ti.min(step.span, 1), fields.real)
     light = LIGHT * fields.parameters.densities[0] * fields.cell ** 3
-    most = step.dt * ti.cast(fields.sleepers.limits[SUPPORT], fields.real)
+    most = step.kick * ti.cast(fields.sleepers.limits[SUPPORT], fields.real)
     origin = fields.world_origin()
     total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
     for n in range(first, last):
@@ -173,7 +173,7 @@ def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last
                             p += change
                             turning += ti.Vector([float(a), float(b), float(c)]).cross(change)
                             if given[3] > light:
-                                path = step.dt * v
+                                path = step.kick * v
                                 if fields.sleepers.window[I] == check:
                                     path += fields.sleepers.path[I]
                                 fields.sleepers.window[I] = check

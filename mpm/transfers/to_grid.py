@@ -38,12 +38,12 @@ def scatter_body(fields: ti.template(), P: ti.template(), step: ti.template(), l
     """Update and scatter the packs at places first .. last - 1, which are of one body."""
     p = [once(fields.parameters.law[body, i]) for i in range(PARAMETERS)]
     density = fields.parameters.densities[body]
-    force = -step.dt * 4.0 / (fields.cell * fields.cell)
+    force = -step.kick * 4.0 / (fields.cell * fields.cell)
     for place in range(first, last):
         q = pack_at(fields, place)
         C = [once(P.C[i][q]) for i in range(9)]
         before = [once(field[q]) for field in P.kept_strain]
-        tau = update_stress(fields, P, law, q, step.dt, with_mean_rate(fields, P, law, q, C), p)
+        tau = update_stress(fields, P, law, q, step.strain, with_mean_rate(fields, P, law, q, C), p)
         keep_strain_of_sleepers(fields, P, q, before)
         volume = P.volume[q]
         mass = density * volume
@@ -51,8 +51,8 @@ def scatter_body(fields: ti.template(), P: ti.template(), step: ti.template(), l
         momentum = [once(transferred * P.v[d][q]) for d in range(3)]
         if ti.static(fields.features.body_acceleration):
             for d in ti.static(range(3)):
-                momentum[d] += step.dt * mass * P.acceleration[d][q]
-            credit_acceleration(fields, P, q, step.dt * mass, step.out)
+                momentum[d] += step.kick * mass * P.acceleration[d][q]
+            credit_acceleration(fields, P, q, step.kick * mass, step.out)
         scatter_pack(fields, P, step, q, momentum, transferred, force * volume, C, tau)
 
 

@@ -22,7 +22,7 @@ def start_block_list(fields: ti.template(), step: ti.template(), first, last):
 @ti.func
 def gather_packs(fields: ti.template(), step: ti.template(), first, last):
     """Phase: gather velocities of packs first .. last - 1; at the end of a stride, move the particles."""
-    gather_and_move(fields, fields.particles, drift_after(step.dt, step.span), step.stamp + step.span, first, last)
+    gather_and_move(fields, fields.particles, drift_after(fields, step), step.stamp + step.span, first, last)
     if ti.static(not fields.features.sleep):  # there, padding lanes always sleep
         for body in range(fields.parameters.densities.shape[0]):
             ends = fields.particles.range_table[body]

@@ -23,7 +23,8 @@ class AdjointElement:
         self.solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[body], precision="f64")
         self.P, self.law = self.solver.particles, material
         self.B, self.T = ParticleAdjoints(self.P, "f64"), ForwardIntermediates((material,), 1, "f64", **options)
-        self.logarithm, self.exponential = self.solver.fields.logarithm, self.solver.fields.exponential
+        fields = self.solver.fields
+        self.logarithm, self.exponential, self.features = fields.logarithm, fields.exponential, fields.features
         self.names = [name for name in ("e", "j", "vc") if name in self.P.named_fields()]
         assert self.logarithm is hencky_exact
 

@@ -173,7 +173,7 @@ def test_a_mobile_shell_receives_the_reaction() -> None:
 
 def test_the_wall_opposite_a_hole_does_not_recede() -> None:
     """A column that touches the lid from inside falls freely, while the hole below flows."""
-    with boxed(0.045, 0.0585) as solver:
+    with boxed(0.0445, 0.058) as solver:
         column = solver.positions()[:, 2] > START[2] + 0.04
         solver.advance(2e-3)
         assert solver.state()["orifices"][0, 7] > 2 * 9.81 * solver.time  # faster than it falls

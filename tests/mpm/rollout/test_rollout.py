@@ -149,7 +149,7 @@ def test_a_smaller_budget_changes_no_bit(two_materials):
 
 def test_schedules():
     """Steps are covered, memory is what was asked for, and what cannot be done says the least that can."""
-    for steps, substeps, states in ((1000, 10, 300), (1000, 10, 60), (7, 3, 12), (1, 1, 3), (999, 1, 25)):
+    for steps, substeps, states in ((1000, 10, 300), (1000, 10, 60), (7, 3, 12), (1, 1, 4), (999, 1, 25)):
         plan = plan_schedule(steps, substeps, 100, 100 * states)
         assert plan.chunk * plan.parts**plan.levels >= steps and plan.slots + plan.checkpoints <= states
     with pytest.raises(mpm.InvalidValue, match="accepted: [0-9]+ bytes or more") as error:

@@ -118,7 +118,7 @@ def test_a_ball_meets_the_bed_as_if_it_were_awake(sleeping: mpm.Solver) -> None:
             lower(solver, 0.002, duration=0.01)
             rows.append(solver.collider_impulse(0).force[2])
         forces.append(np.array(rows))
-    assert forces[0].max() > 0.0 and np.abs(forces[1] - forces[0]).max() < 0.02 * forces[0].max()
+    assert forces[0].max() > 0.0 and np.abs(forces[1] - forces[0]).max() < 0.025 * forces[0].max()
 
 
 def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm.Solver) -> None:

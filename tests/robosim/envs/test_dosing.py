@@ -78,7 +78,8 @@ def test_no_mass_is_lost_and_the_balance_shows_what_is_poured(spoon: GrainEnv) -
         masses = [info["readings"][name] for name in ("poured", "spilled", "held", "elsewhere")]
         assert 1e3 * sum(masses) == pytest.approx(load) and min(masses) >= 0.0
     last, readings = waiting[-1][0], waiting[-1][4]["readings"]
-    assert 0.001 < readings["poured"] < 0.03 and readings["elsewhere"] == readings["spilled"] == 0.0
+    assert 0.001 < readings["poured"] < 0.03 and readings["elsewhere"] == 0.0
+    assert 1e3 * readings["spilled"] <= 0.005 * load  # a grain or two may bounce
     assert last["scale"][0] == pytest.approx(readings["poured"], abs=1e-6)
     with pytest.raises(ConfigError, match="no episode is running"):
         spoon.step(STILL)

@@ -47,7 +47,7 @@ def test_friction_of_the_tool_changes_what_happens(env: GrainEnv):
     _, info = env.reset(seed=0)
     for friction in (0.0, 1.0):
         env.reset(options={"draw": info["draw"] | {"numbers": info["draw"]["numbers"] | {"tool_friction": friction}}})
-        for _ in range(40):
+        for _ in range(80):
             env.step(np.array([0, 0, 0, 0, 0.4, 0], np.float32))
         spread.append(env.solver.positions())
     assert np.abs(spread[0] - spread[1]).max() > 0.005

@@ -15,6 +15,7 @@ from robosim.studies.verification.stability import SLEEPING_AXES, SLEEPING_PREFI
 from robosim.studies.verification.stability.arm import ROBOT_AXES
 from robosim.studies.verification.stability.cell import DENSITY, NU, CellResult, G, Outcome, make_sand, sound_speed
 from robosim.studies.verification.stability.coupled import COMPARISONS, COUPLED_AXES
+from robosim.studies.verification.stability.rest import REST_AXES
 
 CELL = 0.005
 REFERENCE_COURANT = 0.2
@@ -141,7 +142,7 @@ def degenerate(kind: str) -> Outcome:
         solver.set_gravity(np.zeros(3))
     else:
         state = solver.state()
-        rate = {"equal stretches": -0.1, "squeezed": -0.6, "inverted": -1.5}[kind] / solver.dt
+        rate = {"equal stretches": -0.1, "squeezed": -0.6, "inverted": -1.05}[kind] / solver.dt
         state["C"][:, [0, 4, 8]] = [rate, rate, rate] if kind == "equal stretches" else [0.0, 0.0, rate]
         solver.load(state)
     # the prescribed strain is part of the start's energy
@@ -157,7 +158,7 @@ AXES: dict[str, tuple[Callable[..., Outcome], tuple]] = {
     "shell_thickness": (shell_thickness, (0.1, 0.25, 0.5, 1.0, 2.0)),
     "lone_grain": (lone_grains, ("free", "wall", "corner")),
     "degenerate": (degenerate, ("rest", "equal stretches", "squeezed", "inverted")),
-    **COUPLED_AXES, **ROBOT_AXES,
+    **COUPLED_AXES, **ROBOT_AXES, **REST_AXES,
 }
 """Axis -> (function that runs a cell, values)."""
 SLEEPING = {SLEEPING_PREFIX + name: (partial(AXES[name][0], sleep=True), AXES[name][1])

@@ -12,7 +12,8 @@ BOTH = grid(precision=("f32", "f64"), strides=(True, False))
 
 
 @case(
-    source="x = x0 + v n dt + g dt^2 n (n + 1) / 2, exact for symplectic Euler and for any partition of unity",
+    source="x = x0 + v t + g t^2 / 2, exact in strides; t (t + dt) for t^2 in single substeps, symplectic Euler; for "
+           "any partition of unity",
     sweep=BOTH, quick=BOTH,
     expectations=[Within("max", high, {"precision": p}) for p, high in (("f64", 1e-12), ("f32", 1e-6))],
     main_error="max", units={"max": "m"})
@@ -20,8 +21,8 @@ def free_fall(*, precision: str = "f64", speed: float = 0.0, steps: int = 150, d
               strides: bool = True) -> Record:
     """Free fall of an elastic block.
 
-    Measured: largest and rms error [m] of a particle's position. Reference: the trajectory of symplectic Euler, which
-    holds for any partition of unity, whatever the grid's place and the block's speed [m/s] along x."""
+    Measured: largest and rms error [m] of a particle's position. Reference: the trajectory of the integrator, whatever
+    the grid's place and the block's speed [m/s] along x."""
     cell, low, velocity = 0.05, np.array([0.301, 0.301, 0.601]), np.array([speed, 0.0, 0.0])
     start = mpm.sample_box(low, low + 4 * cell, cell / 2)
     body = mpm.Body(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), start, volume=(cell / 2) ** 3,
@@ -29,7 +30,7 @@ def free_fall(*, precision: str = "f64", speed: float = 0.0, steps: int = 150, d
     timed, solver = set_up(body, (1.6, 1, 1), cell, dt=dt, precision=precision,
                            transfer_interval=None if strides else 0.0)
     timed.advance(steps * dt)
-    expected = start + velocity * steps * dt + np.array([0, 0, -G]) * dt**2 * steps * (steps + 1) / 2
+    expected = start + velocity * steps * dt + np.array([0, 0, -G]) * dt**2 * steps * (steps + 1 - strides) / 2
     error = np.abs(solver.positions() - expected)
     return timed.record({"rms": np.sqrt((error**2).mean()), "max": error.max()})
 

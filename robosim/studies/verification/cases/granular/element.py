@@ -46,7 +46,7 @@ def build_solver(phi_deg: float, n: int, precision: str, integrator: str | None
     positions = np.random.default_rng(0).uniform(0.4, 0.6, (n, 3))
     body = mpm.Body(make_sand(phi_deg), positions, volume=0.2**3 / n)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), CELL), bodies=[body], gravity=(0, 0, 0), dt=DT,
-                        precision=precision, integrator=integrator)
+                        precision=precision, integrator=integrator, transfer_interval=0.0)  # no kick before the strain
     state = solver.state()
     state["v"][:], state["C"][:] = 0.0, 0.0
     return TimedSolver(solver), state
