@@ -4,6 +4,7 @@ import numpy as np
 
 from mpm.backend import is_shared, put, real_type, ti
 from mpm.backend.launching import Launcher
+from mpm.errors import InvalidValue
 from mpm.scene.body import Body
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid
@@ -135,11 +136,16 @@ class ParticleFields:
         return np.ascontiguousarray(packed.T).reshape(-1, self.n_packs, LANES)
 
     def read_snapshot(self, state: dict[str, np.ndarray], name: str) -> np.ndarray:
-        """Return one of a snapshot's arrays; raises InvalidValue for a snapshot of another scene."""
+        """Return one of a snapshot's arrays; raises InvalidValue for one of another scene or what is not finite."""
         shape = (sum(self.counts), len(self.named_fields()[name]))
         if name == "remainder" and name not in state:  # of a solver in double precision, or of an older version
             return np.zeros(shape)
-        return read_array(state, name, shape)
+        values = read_array(state, name, shape)
+        bad = np.flatnonzero(~np.isfinite(values).all(1))
+        if len(bad):
+            raise InvalidValue(f"load: {name} of {len(bad)} particles is not finite, first: particle {bad[0]} with "
+                               f"{values[bad[0]].tolist()}; accepted: finite numbers")
+        return values
 
     def read(self, fields: list) -> np.ndarray:
         """Return values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""
