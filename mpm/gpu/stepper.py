@@ -18,7 +18,7 @@ from mpm.state.particle_motion import drift_packs
 from mpm.stepping.cpu import CpuStepper, add_status
 from mpm.stepping.phases import Launch, split_phases
 from mpm.stepping.snapshots import StateBank
-from mpm.stepping.stride import fastest_square, limit_stride
+from mpm.stepping.stride import limit_stride, survey
 
 SUM_PARTS = 4096  # parts of the packs where something is summed over them
 
@@ -59,7 +59,7 @@ class GpuStepper(CpuStepper):
         self.loops = [PhaseLoops(fields, phases) for phases in split_phases(fields)]
         self.n_packs = fields.particles.n_packs
         self.sum_parts = min(self.n_packs, SUM_PARTS)  # parts of the packs where something is summed
-        self.speeds = ti.field(fields.real, STRIPES)  # largest squared speed of some particles each [m^2/s^2]
+        self.surveys = ti.Vector.field(2, fields.real, STRIPES)  # of some particles each, see `survey`
 
     # as CpuStepper is called -----------------------------------------------------------------------------------------
     def mark(self, stamp: int) -> None:
@@ -114,16 +114,18 @@ class GpuStepper(CpuStepper):
                most: ti.i32) -> ti.i32:
         """Return the substeps of the stride that begins with row s of the motion table, see `limit_stride`."""
         for stripe in range(STRIPES):
-            self.speeds[stripe] = 0.0
+            self.surveys[stripe] = ti.Vector.zero(self.fields.real, 2)
         ti.loop_config(block_dim=GROUP)
         for part in range(ti.static(self.sum_parts)):
             first, last = self.stretch(part)
-            ti.atomic_max(self.speeds[part % STRIPES],
-                          fastest_square(self.fields, self.fields.particles, dt, first, last))
+            found = survey(self.fields, self.fields.particles, first, last)
+            ti.atomic_max(self.surveys[part % STRIPES][0], found[0])
+            ti.atomic_add(self.surveys[part % STRIPES][1], found[1])
         ti.loop_config(serialize=True)
         for stripe in range(1, STRIPES):
-            self.speeds[0] = ti.max(self.speeds[0], self.speeds[stripe])
-        return limit_stride(self.fields, motion, s, mobile, dt, most, self.speeds[0])
+            found, other = self.surveys[0], self.surveys[stripe]
+            self.surveys[0] = ti.Vector([ti.max(found[0], other[0]), found[1] + other[1]])
+        return limit_stride(self.fields, motion, s, mobile, dt, most, self.surveys[0])
 
     @ti.kernel
     def read(self, motion: ti.types.ndarray(), row: ti.i32, done: ti.i32, interval: ti.i32, out: ti.types.ndarray(),

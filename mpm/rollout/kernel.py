@@ -15,7 +15,7 @@ from mpm.state.particles import ParticleFields
 from mpm.stepping.cpu import add_status, run_phase, run_phases
 from mpm.stepping.phases import Step, split_phases
 from mpm.stepping.snapshots import StateBank
-from mpm.stepping.stride import MAX_SUBSTEPS, fastest_square, kick_of, limit_stride
+from mpm.stepping.stride import MAX_SUBSTEPS, kick_of, limit_stride, survey
 from mpm.stepping.thread_group import ThreadGroup
 
 POSITIONS, VELOCITIES, ALL = range(3)
@@ -83,9 +83,9 @@ class AdjointKernel:
                     if ti.static(self.depth > 1):
                         most = ti.min(self.depth, interval - done % interval)
                         most = ti.min(most, MAX_SUBSTEPS - done % interval % MAX_SUBSTEPS)  # as launches are split
-                        fastest = fastest_square(self.fields, self.fields.particles, dt, 0,
-                                                 self.fields.particles.pack_count[None])
-                        span = ti.max(limit_stride(self.fields, motion, done, mobile, dt, most, fastest), 1)
+                        found = survey(self.fields, self.fields.particles, 0,
+                                       self.fields.particles.pack_count[None])
+                        span = ti.max(limit_stride(self.fields, motion, done, mobile, dt, most, found), 1)
                 else:
                     begin = self.begin[first + substeps - done - 1] - first
                     span = substeps - done - begin

@@ -23,7 +23,7 @@ from mpm.state.sleepers import CHECK_INTERVAL, adopt_rest
 from mpm.stepping.phases import Launch, Step, phases_of
 from mpm.stepping.sleep_check import check_sleep
 from mpm.stepping.snapshots import StateBank
-from mpm.stepping.stride import fastest_square, kick_of, limit_stride
+from mpm.stepping.stride import kick_of, limit_stride, survey
 from mpm.stepping.thread_group import (
     ALONE,
     TURNS,
@@ -58,7 +58,7 @@ class CpuStepper:
         self.numbers, self._retry_at = np.zeros(3, np.int64), 0.0
         """Of the group, see there; and when a thread that was left alone tries again with the others [s]."""
         self._stripes = np.zeros((0, 6))  # what each thread adds to the ledger
-        self.fastest = ti.field(fields.real, self.threads)  # largest squared speed [m^2/s^2] that each thread has found
+        self.surveys = ti.Vector.field(2, fields.real, self.threads)  # what each thread has found, see `survey`
         self.has_counter, self.has_sample = counter is not None, sample is not None
         self.counter_row = fields.features.moving_colliders.index(counter.index) if self.has_counter else -1
         """Row of the counter's collider in the motion table."""
@@ -208,12 +208,12 @@ class CpuStepper:
         """Return the substeps of the stride that begins with substep s of a launch, see `limit_stride`."""
         for part in range(group.thread, last_part(group)):
             begin, end = part_of(count_packs(self.fields), part, group)
-            self.fastest[part] = fastest_square(self.fields, self.fields.particles, launch.dt, begin, end)
+            self.surveys[part] = survey(self.fields, self.fields.particles, begin, end)
         synchronize(group)
-        fastest = self.fastest[0]
+        found = self.surveys[0]
         for part in ti.static(range(1, group.threads)):
-            fastest = ti.max(fastest, self.fastest[part])
-        return limit_stride(self.fields, launch.motion, launch.first_row + s, launch.mobile, launch.dt, most, fastest)
+            found = ti.Vector([ti.max(found[0], self.surveys[part][0]), found[1] + self.surveys[part][1]])
+        return limit_stride(self.fields, launch.motion, launch.first_row + s, launch.mobile, launch.dt, most, found)
 
     @ti.func
     def take_reading(self, launch: ti.template(), row: ti.i32, done: ti.i32):

@@ -17,16 +17,16 @@ from mpm.geometry.rigid_motion import LINEAR
 from mpm.materials.stable_step import TRAVEL_FRACTION
 from mpm.motion.mobile_motion import TWIST
 from mpm.scene.scene import Interval, Scene
-from mpm.state.packs import pack_at
+from mpm.state.packs import LANES, pack_at
 from mpm.state.particles import SPEED_LIMIT
 
 TRAVEL = 0.375
 """Cells that a particle may travel in a stride: half of it, before contact sees the particle, is less than the quarter
 of a cell by which one of two a cell stands off a wall."""
-STRAINED, SHORT = 0.06, 2
-"""Entry of b - I, and the substeps of a stride where a particle has a larger one. The force of a stress that turns with
-the velocity gradient, at a place that stays, is not the derivative of an energy: with 5 % of strain and twelve substeps
-a lateral vibration of an elastic block grows."""
+STRAINED, MANY, SHORT = 0.06, 0.2, 2
+"""Entry of b - I; share of the particles; and the substeps of a stride where more than that share have a larger entry.
+The force of a stress that turns with the velocity gradient, at a place that stays, is not the derivative of an energy:
+with 5 % of strain and twelve substeps a lateral vibration of an elastic block grows. A few particles do no harm."""
 LONGEST = 9.0
 """Default length of a stride, in largest stable substeps: twelve of the default length. A column's rim is then within
 1 % of its reference at any Courant number, and there is one kick more for twelve."""
@@ -67,28 +67,30 @@ def longest_stride(interval: float, dt: float) -> int:
 
 
 @ti.func
-def fastest_square(fields: ti.template(), P: ti.template(), dt, first, last):
-    """Return the largest squared speed [m^2/s^2] of the packs at places first .. last - 1.
-    Where one is strained by more than STRAINED, at least that with which a stride has SHORT substeps of dt [s]."""
+def survey(fields: ti.template(), P: ti.template(), first, last):
+    """Return the largest squared speed [m^2/s^2] of the packs at places first .. last - 1, and how many of their lanes
+    are strained by more than STRAINED."""
     fastest = P.v[0][0][0] * 0.0
-    strain = fastest
+    strained = fastest
     for place in range(first, last):
         q = pack_at(fields, place)
         v2 = P.v[0][q] ** 2 + P.v[1][q] ** 2 + P.v[2][q] ** 2
         fastest = ti.max(fastest, v2.max())
-        for i in ti.static(range(len(P.e))):
-            strain = ti.max(strain, ti.abs(P.e[i][q]).max())
-    if strain > STRAINED:
-        fastest = ti.max(fastest, (ti.static(TRAVEL * fields.cell / (SHORT + 0.01)) / dt) ** 2)
-    return fastest
+        if ti.static(len(P.e) > 0):
+            largest = 0.0 * v2
+            for i in ti.static(range(6)):
+                largest = ti.max(largest, ti.abs(P.e[i][q]))
+            strained += ti.cast(largest > STRAINED, fields.real).sum()
+    return ti.Vector([fastest, strained])
 
 
 @ti.func
 def limit_stride(fields: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, most: ti.i32,
-                 fastest):
+                 found):
     """Return the substeps, 1 to `most`, of the stride that begins with row s of the motion table.
-    At its present speed no particle, of which `fastest` is the largest squared speed, travels more than `TRAVEL` cells,
-    no collider more than it may in a substep. Returns 0 where a particle is too fast for any: it may not drift."""
+    At its present speed no particle travels more than `TRAVEL` cells, no collider more than it may in a substep. found:
+    of all particles, see `survey`. Returns 0 where a particle is too fast for any: it may not drift."""
+    fastest = found[0]
     count = within(most, dt * ti.sqrt(fastest), ti.static(TRAVEL * fields.cell))
     for row, index in ti.static(enumerate(fields.features.moving_colliders)):
         radius, limit = ti.static(fields.colliders[index].sdf.radius, TRAVEL_FRACTION * fields.cell)
@@ -100,6 +102,8 @@ def limit_stride(fields: ti.template(), motion: ti.template(), s: ti.i32, mobile
             for ahead in range(s, s + count):
                 V = [motion[row, ahead, LINEAR + i] for i in ti.static(range(6))]
                 count = within(count, dt * (ti.Vector(V[:3]).norm() + radius * ti.Vector(V[3:]).norm()), limit)
+    if found[1] > ti.static(MANY * LANES) * fields.particles.pack_count[None]:
+        count = ti.min(count, SHORT)
     if not dt * ti.sqrt(fastest) <= ti.static(SPEED_LIMIT * fields.cell):  # true for NaN
         count = 0
     return count
