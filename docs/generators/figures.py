@@ -62,7 +62,7 @@ def stride() -> str:
     """When particles move and strain, and when nodes change their velocity, in a stride of three substeps."""
     def draw(axes: Axes) -> None:
         for k, text in enumerate(("half\na kick", "kick", "kick", "half\na kick")):
-            axes.plot([k, k], [0, 0.42], color=GREY, lw=1)
+            axes.plot([k, k], [0.19, 0.42], color=GREY, lw=1)
             axes.annotate(text, (k, 0.68), ha="center", va="center", fontsize=8.5)
         for k in range(3):
             axes.annotate("strain", (k + 0.5, 0.68), ha="center", va="center", fontsize=8.5, color=GREY)
