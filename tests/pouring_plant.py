@@ -16,13 +16,10 @@ VIBRATION = {"amplitude": 5e-4, "frequency": 50.0}
 class Plant:
     """A load that comes off in slabs, each at a tilt of its own; it slides, falls, and a balance shows it late.
 
-    Shaken, slabs come off earlier, one after another, with a flow that grows with the amplitude and with the tilt: as
-    measured with salt, sand and flour in pulses of a sideways vibration.
-
-    curve: of the material in the tool, which need not be the one that the controller knows. slab: mean mass of a slab
-    [kg]. slide: time constant [s] with which a slab leaves. shaken_deg: angle before a slab's own tilt from which on a
-    vibration moves it. shaken_flow: flow [kg/s] with the strongest vibration at a slab's own tilt.
-    """
+    Shaken, slabs come off earlier, with a flow that grows with amplitude and tilt: as measured with powders.
+    curve: of the material in the tool, which the controller need not know. slab: mean mass [kg]. slide: its time
+    constant [s]. shaken_deg: angle before its own tilt from which vibration moves it.
+    shaken_flow: largest flow [kg/s]."""
 
     fall, lag, readability, dt = 0.15, 0.2, 1e-5, 0.02
 

@@ -14,8 +14,8 @@ from mpm.scene.body import half_edge
 from mpm.state.fields import Fields
 from mpm.stepping.core import Core
 
-BODY_NUMBERS = PARAMETERS + 3
-DENSITY, VOLUME, HALF = range(PARAMETERS, BODY_NUMBERS)  # where a body's other numbers follow on its law's parameters
+BODY_NUMBERS = PARAMETERS + 4
+DENSITY, MODULUS, VOLUME, HALF = range(PARAMETERS, BODY_NUMBERS)  # places of a body's numbers beside its law's
 
 
 class EnvironmentNumbers:
@@ -61,7 +61,7 @@ class EnvironmentNumbers:
         own = self.table[e, index * BODY_NUMBERS : (index + 1) * BODY_NUMBERS]
         own[:PARAMETERS] = 0.0
         own[: len(material.parameters)] = material.parameters
-        own[DENSITY] = material.density
+        own[DENSITY], own[MODULUS] = material.density, 3.0 * material.lam + 2.0 * material.mu
 
     def set_volume(self, e: int, index: int, volume: Any) -> None:
         """Set the volume [m^3] of each of a body's particles."""
@@ -104,6 +104,7 @@ class NumbersKernel:
                 self.parameters.law[body, i] = ti.cast(table[e, first + i], self.parameters.law.dtype)
             self.parameters.densities[body] = ti.cast(table[e, first + ti.static(DENSITY)],
                                                       self.parameters.densities.dtype)
+            self.parameters.moduli[body] = ti.cast(table[e, first + ti.static(MODULUS)], self.parameters.moduli.dtype)
             if table[e, first + ti.static(VOLUME)] > 0.0:
                 begin, end, _ = self.ranges[body]
                 for q in range(begin, end):

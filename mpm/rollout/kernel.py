@@ -2,7 +2,6 @@
 
 from mpm.adjoint.node_tape import NodeTape, ParticleAdjoints
 from mpm.adjoint.stress_update import ForwardIntermediates
-from mpm.adjoint.transfers import inside_bar
 from mpm.adjoint.wall_ghosts import WallTape
 from mpm.backend import real_type, ti
 from mpm.materials.material import PARAMETERS
@@ -10,7 +9,7 @@ from mpm.rollout.phases import ReverseStep, reverse_phases
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.packs import LANES
-from mpm.state.particle_motion import move_pack
+from mpm.state.particle_motion import drift_before, move_pack
 from mpm.state.particles import ParticleFields
 from mpm.stepping.cpu import add_status, run_phase, run_phases
 from mpm.stepping.phases import Step, split_phases
@@ -175,6 +174,7 @@ class AdjointKernel:
             if ti.static(self.clips):
                 self.clip()
             if k == 0:
+                self.restore_before(first + begin, 0)
                 self.drift_back(0.5 * dt * span)
                 if (first + begin) % interval == 0:
                     self.measure(norms, (first + begin) // interval)
@@ -184,19 +184,19 @@ class AdjointKernel:
         """Move all particles for dt [s], before their blocks are listed."""
         if ti.static(self.halves > 0):
             for q in range(self.fields.particles.pack_count[None]):
+                time = drift_before(self.fields, self.fields.particles, q, dt)
                 for d in ti.static(range(3)):
                     if dt > 0:
-                        move_pack(self.fields, self.fields.particles, q, d, dt * self.fields.particles.v[d][q])
+                        move_pack(self.fields, self.fields.particles, q, d, time * self.fields.particles.v[d][q])
 
     @ti.func
     def drift_back(self, dt):
-        """Adjoint of `drift`; the particles hold the positions after it."""
+        """Adjoint of `drift`; the particles hold the positions before it. None that drifts reaches a wall."""
         if ti.static(self.halves > 0):
             for q in range(self.fields.particles.pack_count[None]):
+                time = drift_before(self.fields, self.fields.particles, q, dt)
                 for d in ti.static(range(3)):
-                    bar = inside_bar(self.fields, self.fields.particles.x[d][q], self.bars.x[d][q], d, dt)
-                    self.bars.x[d][q] = bar
-                    self.bars.v[d][q] = self.bars.v[d][q] + dt * bar
+                    self.bars.v[d][q] = self.bars.v[d][q] + time * self.bars.x[d][q]
 
     @ti.func
     def clip(self):

@@ -52,7 +52,8 @@ class Rollout:
                                f"{math.ceil(step_dt / longest_dt)} or more")
         states, count = core.fields.particles.state_fields, core.fields.particles.pack_count
         size = StateBank.bytes_per_state(states, core.precision)
-        self.schedule: Schedule = plan_schedule(self.n_steps, self.substeps, size, given.budget)
+        self.schedule: Schedule = plan_schedule(self.n_steps, self.substeps, size, given.budget,
+                                                int(core.features.strides))
         with default_precision(core.precision), allocating() as group:
             self._history = StateBank(states, count, self.schedule.slots)
             self._checkpoints = StateBank(states, count, self.schedule.checkpoints)
@@ -173,7 +174,7 @@ class Rollout:
 
     def _pieces(self, begin: int, end: int) -> list[tuple[int, int]]:
         """Split steps begin .. end - 1 into runs that fit into the history."""
-        chunk = (self.schedule.slots - 2) // self.substeps
+        chunk = self.schedule.chunk
         return [(b, min(b + chunk, end)) for b in range(begin, end, chunk)]
 
     def _start_from(self, checkpoint: int) -> None:

@@ -57,12 +57,12 @@ class Schedule(NamedTuple):
     n_bytes: int  # memory of all of them
 
 
-def plan_schedule(steps: int, substeps: int, n_bytes: int, budget: int) -> Schedule:
+def plan_schedule(steps: int, substeps: int, n_bytes: int, budget: int, aside: int = 0) -> Schedule:
     """Return the schedule with the least recomputation whose states, of n_bytes each, fit into a budget [bytes].
-    Raises InvalidValue where none fits."""
+    aside: states kept beside those of the substeps. Raises InvalidValue where none fits."""
     smallest = math.inf
     for levels in range(DEPTH + 1):
-        plan = _smallest(steps, substeps, n_bytes, levels)
+        plan = _smallest(steps, substeps, n_bytes, levels, aside)
         smallest = min(smallest, plan.n_bytes)
         if plan.n_bytes <= budget:
             return plan
@@ -70,7 +70,7 @@ def plan_schedule(steps: int, substeps: int, n_bytes: int, budget: int) -> Sched
                        f"accepted: {smallest} bytes or more")
 
 
-def _smallest(steps: int, substeps: int, n_bytes: int, levels: int) -> Schedule:
+def _smallest(steps: int, substeps: int, n_bytes: int, levels: int, aside: int) -> Schedule:
     """Return the schedule with so many levels that takes the least memory."""
     if levels == 0:
         chunks = [(steps, 1)]
@@ -79,7 +79,7 @@ def _smallest(steps: int, substeps: int, n_bytes: int, levels: int) -> Schedule:
         chunks = [(math.ceil(steps / parts**levels), parts) for parts in range(2, most + 1)]
     plans = []
     for chunk, parts in chunks:
-        slots = chunk * substeps + 2  # the first state, and aside what half a kick leads to
+        slots = chunk * substeps + 1 + aside  # the first state, and aside what half a kick leads to
         # the start's state, and a state for every further part of every level; with none, the start's beside the slots
         checkpoints = 1 + levels * (parts - 1)
         plans.append(Schedule(steps, chunk, parts, levels, slots, checkpoints, (slots + checkpoints) * n_bytes))

@@ -26,9 +26,11 @@ class Parameters:
         self.law = ti.field(real, (n_bodies, PARAMETERS))  # parameters of each body's law
         self.law_index = ti.field(ti.i32, n_bodies)  # place of each body's law among the scene's laws
         self._write = Launcher(self, Parameters._write_numbers)
-        self._laws, self._densities = np.zeros((n_bodies, PARAMETERS), dtype), np.zeros(n_bodies, dtype)
+        self._laws = np.zeros((n_bodies, PARAMETERS), dtype)
+        self._densities, self._moduli = np.zeros((2, n_bodies), dtype)
         self._frictions = np.zeros(max(n_colliders, 1), dtype)
         self.densities = ti.field(real, n_bodies)  # [kg/m^3] of each body
+        self.moduli = ti.field(real, n_bodies)  # 3 lam + 2 mu [Pa] of each body, of the stable step
         self.frictions = ti.field(real, max(n_colliders, 1))  # Coulomb coefficient of each collider
         self.half_thickness = ti.field(real, max(n_colliders, 1))  # half thickness [m] of each collider that is a shell
         self.zero = ti.field(real, ())
@@ -59,6 +61,7 @@ class Parameters:
         check_owner()
         self._laws[index, : len(material.parameters)] = material.parameters
         self._densities[index] = material.density
+        self._moduli[index] = 3.0 * material.lam + 2.0 * material.mu
         self._launch()
 
     def set_friction(self, index: int, friction: float) -> None:
@@ -68,15 +71,16 @@ class Parameters:
         self._launch()
 
     def _launch(self) -> None:
-        later(lambda: self._write(self._laws, self._densities, self._frictions))
+        later(lambda: self._write(self._laws, self._densities, self._moduli, self._frictions))
 
     @ti.kernel
-    def _write_numbers(self, laws: ti.types.ndarray(), densities: ti.types.ndarray(), frictions: ti.types.ndarray()):
+    def _write_numbers(self, laws: ti.types.ndarray(), densities: ti.types.ndarray(), moduli: ti.types.ndarray(),
+                       frictions: ti.types.ndarray()):
         ti.loop_config(serialize=True)
         for body in range(densities.shape[0]):
             for i in ti.static(range(PARAMETERS)):
                 self.law[body, i] = laws[body, i]
-            self.densities[body] = densities[body]
+            self.densities[body], self.moduli[body] = densities[body], moduli[body]
         ti.loop_config(serialize=True)
         for index in range(frictions.shape[0]):
             self.frictions[index] = frictions[index]

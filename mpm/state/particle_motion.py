@@ -11,19 +11,26 @@ With a half, a remainder of just that would move a particle at rest to and fro."
 
 @ti.func
 def drift_packs(fields: ti.template(), P: ti.template(), dt, stamp: ti.i32, first, last):
-    """Move packs first .. last - 1 for dt [s], and activate the blocks that their stencils reach now.
-    One that would reach a wall in twice that time, a stride, stays where it is: the wall has not acted on it yet."""
+    """Move packs first .. last - 1 for half of a stride, dt [s], and activate the blocks that their stencils reach."""
     last_key = -1
     for place in range(first, last):
         q = pack_at(fields, place)
-        time = dt + 0.0 * P.v[0][q]
-        for r in ti.static(range(3)):
-            if ti.static(not fields.features.periodic[r]):
-                x = P.x[r][q] + 2.0 * dt * P.v[r][q]
-                time = ti.select(keep_inside(fields, x, r) == x, time, 0.0 * time)
+        time = drift_before(fields, P, q, dt)
         for r in ti.static(range(3)):
             move_pack(fields, P, q, r, time * P.v[r][q])
         last_key = mark_active_lanes(fields, P, q, last_key, stamp)
+
+
+@ti.func
+def drift_before(fields: ti.template(), P: ti.template(), q, dt):
+    """Return the time [s] that each lane of pack q drifts before a stride of 2 dt [s]: dt, or 0 for one that would
+    reach a wall in the stride, since the wall has not acted on it yet."""
+    time = dt + 0.0 * P.v[0][q]
+    for r in ti.static(range(3)):
+        if ti.static(not fields.features.periodic[r]):
+            x = P.x[r][q] + 2.0 * dt * P.v[r][q]
+            time = ti.select(keep_inside(fields, x, r) == x, time, 0.0 * time)
+    return time
 
 
 @ti.func

@@ -1,10 +1,6 @@
 """Fenced blocks of the documentation, with the marks that stand in a comment in front of them.
-
-`<!-- slow -->`: the page's Python takes more than a few seconds. `<!-- file: NAME -->`: the block is written to this
-file before the page runs. `<!-- run -->`: a shell block that is run, not only parsed. `<!-- skip: REASON -->`.
-`<!-- needs: MODULE -->`: the block is left out where this module does not exist.
-A block of the language `output` holds what the Python block before it prints.
-"""
+`slow`: more than a few seconds. `file: NAME`: written to this file before the page runs. `run`: a shell block that is
+run, not only parsed. `skip: REASON`. `needs: MODULE`: left out without it. A block `output` holds what is printed."""
 
 import re
 import textwrap

@@ -1,32 +1,22 @@
 """Record of states: proves that a change of the code leaves the physics as it was, bit for bit.
 
-It is no test but a script, because it compares two versions of the code. Each case simulates a little and yields named
-arrays; the record has a short hash of the bytes of each, its sum and its largest magnitude, which tell how large a
-difference is. The script is the same for both versions: keep one copy, and give it the checkouts.
+A script, because it compares two versions of the code. Each case simulates a little and yields named arrays; the
+record has a hash of the bytes of each, its sum and its largest magnitude. Keep one copy, and give it the checkouts.
 
     python tests/states old.json --tree path/of/a/checkout     # default: the checkout that the script is in
     python tests/states new.json --tree path/of/another
     python tests/states --compare old.json new.json            # prints what differs, and returns 1 if anything does
     python tests/states --list                                 # names of the usual cases; with --full of all
-    python tests/states new.json --full                        # adds what the usual ones leave out
-    python tests/states new.json --only 'f32/env/*'            # cases by name; * stands for anything
+    python tests/states new.json --full --only 'f32/env/*'     # adds what the usual ones leave out; cases by name
 
-Results are written after each case. A run that is started again with the same file adds the cases that it lacks, and
-refuses a file of another version of the code; --again repeats the cases that are chosen. A case that fails is recorded
-as its error, and two versions with the same error are alike. Cases of one group share a process and a backend:
+Results are written after each case. A run started again adds the cases that its file lacks, and refuses a file of
+another version; --again repeats cases. A case that fails is recorded as its error. Cases of a group share a process:
+f32 and f64 on one thread, ieee (f64 in which the compiler keeps the order of operations), threads (two).
+A difference in f32 and f64 that is not in ieee comes from the order of operations alone. Bits also depend on processor
+and libraries ("machine", "versions"): compare records of one machine. Caches of settled starts and of distances are new
+in each run; compiled kernels are kept in TMPDIR/states_kernels, as Taichi's own cache of 100 MB forgets them.
 
-    f32, f64    one thread in that precision, with the defaults of users
-    ieee        the same in double precision, in which the compiler keeps the order of operations (fast_math=False)
-    threads     two threads
-
-A difference in f32 and f64 that is not in ieee comes from the order of operations alone: the compiler has arranged
-another expression of the same formula in another way. Bits also depend on processor and versions of libraries, which
-the record has under "machine" and "versions": compare records of one machine. Caches of settled starts and of
-distances are new in each run, so that what makes them is recorded too; compiled kernels are kept in
-TMPDIR/states_kernels, as Taichi's own cache of 100 MB forgets them when other programs use it too.
-
-internals.py has all that is not public; when a name there changes, change that file alone.
-"""
+internals.py has all that is not public."""
 
 import argparse
 import sys

@@ -1,8 +1,6 @@
 """All accesses that are not of the public surface (`import mpm`, `import robosim`, `gymnasium.make`).
 
-When a change of the code renames what is used here, adapt this file alone: try the new place first, then the old one,
-so that both versions of the code are served.
-"""
+When a change renames what is used here, adapt this file alone: try the new place first, then the old one."""
 
 from importlib import import_module
 from inspect import signature

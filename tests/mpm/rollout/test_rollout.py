@@ -147,9 +147,26 @@ def test_a_smaller_budget_changes_no_bit(two_materials):
         assert np.array_equal(gradient, found[0][1][1])
 
 
+def test_grains_wait_for_a_wall_in_a_rollout_as_in_the_solver(fluid_roll):
+    """Thrown down at the floor: positions of a rollout and of the solver, and slopes along three directions."""
+    solver, before, loss = fluid_roll.solver, fluid_roll.start, weighted_ends(len(fluid_roll.start["x"]), 20)
+    start = before | {"v": before["v"] + [0.0, 0.0, -2.0]}
+    solver.load(start)
+    fluid_roll.restart()
+    fluid_roll.value(*np.zeros((2, 20, 3)), loss)
+    rolled, (_, found) = solver.state()["x"], fluid_roll.value_and_grad(*motion(20), loss)
+    gradient, difference = along_directions(fluid_roll, *motion(20), loss, found, 3)
+    solver.load(start)
+    for _ in range(20):
+        solver.advance(SUBSTEPS * solver.dt)
+    assert rolled == pytest.approx(solver.state()["x"], abs=1e-12) and gradient == pytest.approx(difference, rel=1e-3)
+    solver.load(before)
+    fluid_roll.restart()
+
+
 def test_schedules():
     """Steps are covered, memory is what was asked for, and what cannot be done says the least that can."""
-    for steps, substeps, states in ((1000, 10, 300), (1000, 10, 60), (7, 3, 12), (1, 1, 4), (999, 1, 25)):
+    for steps, substeps, states in ((1000, 10, 300), (1000, 10, 60), (7, 3, 12), (1, 1, 3), (999, 1, 25)):
         plan = plan_schedule(steps, substeps, 100, 100 * states)
         assert plan.chunk * plan.parts**plan.levels >= steps and plan.slots + plan.checkpoints <= states
     with pytest.raises(mpm.InvalidValue, match="accepted: [0-9]+ bytes or more") as error:

@@ -18,7 +18,8 @@ REFUSED = {("courant", 0.7), ("courant", 0.8), ("courant", 0.9), ("courant", 1.0
            ("arm_pose", "beyond reach")}
 """Cells that are refused with the bound and the value; all others are stable."""
 QUICK = [("friction_angle_deg", 0.0), ("drop_height", 5.0), ("degenerate", "inverted"),
-         ("arm_host_step", 2e-3), ("payload", 60.0), ("arm_pose", "wrist aligned"), ("rest", "0.66 x 4")]
+         ("arm_host_step", 2e-3), ("payload", 60.0), ("arm_pose", "wrist aligned"),
+         ("rest", "0.75 x 4"), ("rest", "E 1e4 Pa")]
 
 
 @pytest.mark.parametrize("number", [0.7, 1.0])
