@@ -177,7 +177,7 @@ def test_repeats_mend_a_mobility_that_is_wrong(monkeypatch: pytest.MonkeyPatch) 
 def test_light_box_rests_at_the_same_height_at_every_host_step() -> None:
     heights = []
     for step in (5e-4, 2e-3, 1e-2):
-        failed, seen = rest_height(step)
+        failed, seen = rest_height(step, "mobility")
         assert not failed, failed
         heights.append(seen["height_m"])
     assert max(heights) - min(heights) < 3e-4
