@@ -110,6 +110,9 @@ def _check_members(members: list[zipfile.ZipInfo], most: int) -> None:
     total = sum(member.file_size for member in members)
     if total > most:
         raise ValueError(f"its arrays take {total} bytes; accepted: up to {most}")
+    names = [member.filename for member in members]
+    if len(set(names)) < len(names):
+        raise ValueError(f"{quote(next(name for name in names if names.count(name) > 1))} is in it twice")
     for member in members:
         if not member.filename.endswith(".npy") or member.compress_type not in (zipfile.ZIP_STORED,
                                                                                  zipfile.ZIP_DEFLATED):

@@ -2,6 +2,7 @@
 
 import copyreg
 from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 
@@ -25,12 +26,20 @@ class InvalidValue(MpmError, ValueError):
     """A value or array shape that is not accepted."""
 
 
+def say_unknown(what: str, given: object, valid: list[str], also: str = "") -> str:
+    """Return the message about a name that is not valid, with the one that was probably meant.
+    also: what else is accepted."""
+    close = get_close_matches(given[:100], valid, 1) if isinstance(given, str) else []
+    meant = f"; did you mean {close[0]!r}?" if close else ""
+    return f"unknown {what} {given!r:.200}; valid: {', '.join([*valid, also] if also else valid)}{meant}"
+
+
 class UnknownName(MpmError, ValueError):
     """A name that is not in the list of accepted names."""
 
     def __init__(self, what: str, given: object, valid: Iterable[str]) -> None:
         self.given, self.valid = given, sorted(valid)
-        super().__init__(f"unknown {what} {given!r}; valid: {', '.join(self.valid)}")
+        super().__init__(say_unknown(what, given, self.valid))
 
 
 class TimeStepTooLarge(InvalidValue):

@@ -1,11 +1,13 @@
 """The time loop of a solver: launches of an advance, checks after each, and undoing of an advance that fails."""
 
 import math
+from numbers import Integral, Real
 
 import numpy as np
 
 from mpm.backend import check_owner, default_precision
 from mpm.errors import InvalidValue, SimulationDiverged
+from mpm.files import quote
 from mpm.geometry.rigid_motion import COLUMNS
 from mpm.gpu.stepper import make_stepper as new_stepper
 from mpm.observers import diagnostics
@@ -55,10 +57,10 @@ class TimeLoop:
         core = self._core
         check_owner()
         core.tenure.check_open()
-        if not 0 < duration < math.inf:
-            raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
-        if not 1 <= readings <= MAX_READINGS:
-            raise InvalidValue(f"advance: readings = {readings}; accepted: 1 to {MAX_READINGS}")
+        if not isinstance(duration, Real) or not 0 < duration < math.inf:
+            raise InvalidValue(f"advance: duration = {quote(duration)} s; accepted: a positive time")
+        if not isinstance(readings, Integral) or not 1 <= readings <= MAX_READINGS:
+            raise InvalidValue(f"advance: readings = {quote(readings)}; accepted: 1 to {MAX_READINGS}")
         core.rollback.begin()
         try:
             return self._advance(duration, readings)

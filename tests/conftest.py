@@ -1,8 +1,7 @@
 """One backend for the whole suite: double precision is asked for per solver. One folder of caches, too.
 
 Compiled kernels, settled starts and distances of meshes are kept in .cache of the checkout, so that a second run needs
-none of them again; each is found by a digest of what it depends on.
-"""
+none of them again; each is found by a digest of what it depends on."""
 
 import os
 from collections.abc import Iterator

@@ -10,8 +10,7 @@ from typing import Any
 def run_example(owner: Any, after: str, namespace: dict[str, Any]) -> dict[str, Any]:
     """Run the indented block of an object's docstring that follows the line ending with `after`.
 
-    namespace: names that the block uses. Returns it with the names that the block defines.
-    """
+    namespace: names that the block uses. Returns it with the names that the block defines."""
     docstring = inspect.getdoc(owner) or ""
     _, found, rest = docstring.partition(f"{after}\n\n")
     assert found, f"{owner.__name__}: no line of its docstring ends with {after!r}"

@@ -25,8 +25,7 @@ def make_vector(name: str, num_envs: int = 3, workers: int | None = 1, **options
 def play(env: GrainEnv, policy: str | Callable = "scripted", seed: int = 0, **reset: Any) -> tuple[float, dict, list]:
     """Return the return of an episode, its last info, and its observations; policy: a name, or what gives an action.
 
-    Observations must be in their space, and rewards the sums of their terms.
-    """
+    Observations must be in their space, and rewards the sums of their terms."""
     observation, info = env.reset(seed=seed, **reset)
     act = make_policy(policy, env, seed) if isinstance(policy, str) else policy
     total, over, seen = 0.0, False, [observation]

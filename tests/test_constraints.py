@@ -71,8 +71,7 @@ def test_every_extra_is_resolved_and_checked() -> None:
 def test_the_requirements_and_what_they_need_in_turn_have_a_version_within_their_bounds(python: str) -> None:
     """In turn: as far as the version for that Python is installed here, most of the extras test and learn at least.
 
-    Another version may need something else.
-    """
+    Another version may need something else."""
     faults, seen = [], set()
     queue = [(Requirement(text), "robosim") for texts in read_project().values() for text in texts]
     while queue:

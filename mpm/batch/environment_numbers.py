@@ -8,6 +8,7 @@ from mpm.backend import ti
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import Pose, check_pose
 from mpm.materials.material import PARAMETERS, Material
+from mpm.materials.stable_step import isolated_modulus
 from mpm.observers.counter_kernel import FRAME, FRAME_NUMBERS, CounterKernel
 from mpm.observers.region_counter import RegionCounter
 from mpm.scene.body import half_edge
@@ -61,7 +62,7 @@ class EnvironmentNumbers:
         own = self.table[e, index * BODY_NUMBERS : (index + 1) * BODY_NUMBERS]
         own[:PARAMETERS] = 0.0
         own[: len(material.parameters)] = material.parameters
-        own[DENSITY], own[MODULUS] = material.density, 3.0 * material.lam + 2.0 * material.mu
+        own[DENSITY], own[MODULUS] = material.density, isolated_modulus(material.mu, material.lam)
 
     def set_volume(self, e: int, index: int, volume: Any) -> None:
         """Set the volume [m^3] of each of a body's particles."""

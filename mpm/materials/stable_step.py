@@ -16,11 +16,16 @@ TRAVEL_FRACTION = 0.25
 """Largest share of a cell that a tool may travel in a substep, so that contact is seen before it is passed."""
 
 
+def isolated_modulus(mu: float, lam: float) -> float:
+    """Return the modulus [Pa] with which a lone particle resists its own grid: that of bulk, three times."""
+    return 3.0 * lam + 2.0 * mu
+
+
 def isolated_particle_bound(cell: float, density: float, mu: float, lam: float) -> float:
     """Return the bound [s] of a lone particle in 3-D: cell sqrt(density / (3 lam + 2 mu)).
     A lone particle feels its own pressure through the full grid gradient 4/dx^2, which is stricter than the wave speed
     of the bulk (Sun, Shinar & Schroeder 2020; Bai & Schroeder 2022)."""
-    return cell * math.sqrt(density / (3.0 * lam + 2.0 * mu))
+    return cell * math.sqrt(density / isolated_modulus(mu, lam))
 
 
 def viscous_bound(cell: float, density: float, viscosity: float) -> float:

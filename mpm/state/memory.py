@@ -31,7 +31,7 @@ def free_memory() -> int:
 def _read(path: Path) -> str:
     """Return the text of a file, empty where there is none: systems differ."""
     try:
-        return path.read_text()
+        return path.read_text(encoding="utf-8")
     except OSError:
         return ""
 

@@ -5,6 +5,7 @@ import numpy as np
 from mpm.backend import check_owner, later, put, real_type, ti
 from mpm.backend.launching import Launcher
 from mpm.materials.material import PARAMETERS, Material
+from mpm.materials.stable_step import isolated_modulus
 from mpm.scene.body import Body
 from mpm.scene.scene import Scene
 from mpm.scene.wall_condition import WALL_PARAMETERS
@@ -30,7 +31,7 @@ class Parameters:
         self._densities, self._moduli = np.zeros((2, n_bodies), dtype)
         self._frictions = np.zeros(max(n_colliders, 1), dtype)
         self.densities = ti.field(real, n_bodies)  # [kg/m^3] of each body
-        self.moduli = ti.field(real, n_bodies)  # 3 lam + 2 mu [Pa] of each body, of the stable step
+        self.moduli = ti.field(real, n_bodies)  # `isolated_modulus` [Pa] of each body
         self.frictions = ti.field(real, max(n_colliders, 1))  # Coulomb coefficient of each collider
         self.half_thickness = ti.field(real, max(n_colliders, 1))  # half thickness [m] of each collider that is a shell
         self.zero = ti.field(real, ())
@@ -61,7 +62,7 @@ class Parameters:
         check_owner()
         self._laws[index, : len(material.parameters)] = material.parameters
         self._densities[index] = material.density
-        self._moduli[index] = 3.0 * material.lam + 2.0 * material.mu
+        self._moduli[index] = isolated_modulus(material.mu, material.lam)
         self._launch()
 
     def set_friction(self, index: int, friction: float) -> None:

@@ -112,7 +112,7 @@ def limit_stride(fields: ti.template(), motion: ti.template(), s: ti.i32, mobile
 
 @ti.func
 def largest_ratio(parameters: ti.template()):
-    """Return the largest ratio of modulus and density of a body: the squared speed of sound [m^2/s^2]."""
+    """Return the largest ratio of `moduli` and density of a body, (cell / bound)^2 of a lone particle [m^2/s^2]."""
     ratio = parameters.zero[None]
     for body in range(parameters.densities.shape[0]):
         ratio = ti.max(ratio, parameters.moduli[body] / parameters.densities[body])

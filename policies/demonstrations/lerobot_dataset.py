@@ -100,8 +100,8 @@ def _write(root: Path, episodes: Sequence[PlayedDemonstration], fps: float, task
             "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
             "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
             if pictures else None, "features": features}
-    (root / "meta" / "info.json").write_text(json.dumps(info, indent=4))
-    (root / "meta" / "stats.json").write_text(json.dumps(describe(0, len(steps)), indent=4))
+    (root / "meta" / "info.json").write_text(json.dumps(info, indent=4), encoding="utf-8")
+    (root / "meta" / "stats.json").write_text(json.dumps(describe(0, len(steps)), indent=4), encoding="utf-8")
 
 
 def _feature(kind: str, names: list[str] | None = None) -> dict[str, Any]:

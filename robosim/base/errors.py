@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from mpm.errors import Picklable
+from mpm.errors import Picklable, say_unknown
 
 
 class RobosimError(Picklable):
@@ -18,7 +18,7 @@ class UnknownName(ConfigError):
 
     def __init__(self, what: str, given: object, valid: Iterable[str], also: str = "") -> None:
         self.given, self.valid = given, sorted(valid)
-        super().__init__(f"unknown {what} {given!r}; valid: {', '.join(self.valid)}{', ' if also else ''}{also}")
+        super().__init__(say_unknown(what, given, self.valid, also))
 
 
 class UnreachableWaypoint(ConfigError):

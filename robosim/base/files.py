@@ -20,7 +20,7 @@ STATUS = "status.json"
 
 def write_text(path: Path, text: str) -> None:
     """Write a text as `write` does."""
-    write(path, lambda temporary: temporary.write_text(text))
+    write(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def write_json(path: Path, value: object) -> None:
@@ -31,7 +31,7 @@ def write_json(path: Path, value: object) -> None:
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows as a CSV file with the columns of all of them, as `write` does."""
     def write_table(temporary: Path) -> None:
-        with temporary.open("w", newline="") as file:
+        with temporary.open("w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
             table.writeheader()
             table.writerows(rows)

@@ -80,7 +80,7 @@ class OutputFolder:
 
     def write_text(self, name: str, text: str) -> Path:
         """Write a text."""
-        return self.write(name, lambda path: path.write_text(text))
+        return self.write(name, lambda path: path.write_text(text, encoding="utf-8"))
 
     def write_yaml(self, name: str, value: dict) -> Path:
         """Write a table in the order given."""

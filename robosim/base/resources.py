@@ -1,5 +1,6 @@
 """Where configs/ and models/ lie: inside an installed wheel, or beside the package in a checkout."""
 
+import contextlib
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -68,9 +69,10 @@ def part_path(kind: str, name: str, what: str, *others: str) -> Path:
 def own_file(name: str, what: str, accepted: list[str]) -> Path | None:
     """Return the path of a user's own file when `name` ends in .yaml, else None; raises ConfigError, UnknownName."""
     if name.endswith((".yaml", ".yml")):
-        if Path(name).is_file():
-            return Path(name)
-        raise ConfigError(f"{what} {name}: no such file; accepted: a .yaml file of your own, or one of "
+        with contextlib.suppress(OSError):  # a name that is too long
+            if Path(name).is_file():
+                return Path(name)
+        raise ConfigError(f"{what} {name:.200}: no such file; accepted: a .yaml file of your own, or one of "
                           f"{', '.join(accepted)}")
     if name not in accepted:
         raise UnknownName(what, name, accepted, "or the path of a .yaml file of your own")

@@ -148,7 +148,7 @@ class Study:
 
 def run_job(order: Path) -> None:
     """Run the job that a file has, and store its row in that folder, with the digest of the code here."""
-    written = json.loads(order.read_text())
+    written = json.loads(order.read_text(encoding="utf-8"))
     job = Job(**{name: written[name] for name in Job._fields})
     module, _, name = job.function.partition(":")
     with contextlib.redirect_stdout(sys.stderr):

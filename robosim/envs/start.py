@@ -67,6 +67,8 @@ def read_start(options: dict[str, Any] | None) -> StartOptions:
     """Return the options of a reset.
 
     Raises UnknownName for one that does not exist, ConfigError for a value that cannot be used."""
+    if not isinstance(options, dict | None):
+        raise ConfigError(f"options of reset: {options!r:.60}; accepted: a dict of {', '.join(StartOptions._fields)}")
     given = dict(options or {})
     unknown = set(given) - set(StartOptions._fields)
     if unknown:
@@ -74,6 +76,9 @@ def read_start(options: dict[str, Any] | None) -> StartOptions:
     if given.get("draw") is not None and len(given) > 1:
         others = ", ".join(sorted(set(given) - {"draw"}))
         raise ConfigError(f"options of reset: draw with {others}; accepted: draw alone")
+    nominal = given.get("nominal", False)
+    if not isinstance(nominal, bool | np.bool_):
+        raise ConfigError(f"options of reset: nominal = {nominal!r:.60}; accepted: True or False")
     shift, turn = given.get("shift", (0.0, 0.0, 0.0)), given.get("turn_deg", 0.0)
     try:
         numbers = np.array(shift, float)
@@ -83,7 +88,7 @@ def read_start(options: dict[str, Any] | None) -> StartOptions:
         raise ConfigError(f"options of reset: shift = {shift!r}, turn_deg = {turn!r}; accepted: three lengths in "
                           f"metres and an angle") from None
     x, y, z = (float(value) for value in numbers)
-    return StartOptions(bool(given.get("nominal", False)), (x, y, z), float(turn), given.get("draw"))
+    return StartOptions(bool(nominal), (x, y, z), float(turn), given.get("draw"))
 
 
 def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.ndarray]:

@@ -18,8 +18,9 @@ from robosim.recordings.writer import APPEARANCE, BLOCK, GRAINS, HEADER, MAGIC, 
 
 FILE = "recording.rec"
 """Name of a recording in the folder of a run."""
-MOST_BLOCK, KEPT_GROUPS = 1 << 30, 4
-"""Bytes of one block, unpacked; groups of frames, from one with whole positions to the next, that are kept unpacked."""
+MOST_SCENE, MOST_GROUP, KEPT_GROUPS = 1 << 28, 1 << 28, 2
+"""Bytes, unpacked, of all that is kept besides frames; of a group of frames, from one with whole positions to the next
+(1.3 million grains); and how many groups are kept. A small file could fill the memory otherwise."""
 WAYPOINT_LIST = pydantic.TypeAdapter(list[WaypointEntry])
 T = TypeVar("T")
 Block = tuple[int, int]
@@ -43,6 +44,7 @@ class Recording:
         self.waypoints: list[WaypointEntry] = []
         """Those of the header, and those that were known later."""
         self._header: RecordingHeader | None = None
+        self._room = MOST_SCENE
         self._scenes: list[Block] = []
         self._grains: list[Block] = []
         self._unpack = lru_cache(KEPT_GROUPS)(self._unpack_group)
@@ -87,19 +89,20 @@ class Recording:
         return len(self) - before
 
     def _take(self, kind: bytes, place: Block) -> None:
-        if kind == SCENE:
-            self._scenes.append(place)
-        elif kind == GRAINS:
-            self._grains.append(place)
-        elif kind == HEADER:
-            self._header = self._parse_header(self._content(place))
+        if kind in (SCENE, GRAINS):
+            (self._scenes if kind == SCENE else self._grains).append(place)
+            return
+        content = self._content(place, self._room)
+        self._room -= len(content)
+        if kind == HEADER:
+            self._header = self._parse_header(content)
             self.waypoints += self._header.waypoints
         elif kind == APPEARANCE:
-            self.appearance = self._content(place)
+            self.appearance = content
         elif kind == WAYPOINTS:
-            self.waypoints += self._parse(WAYPOINT_LIST.validate_json, self._content(place))
+            self.waypoints += self._parse(WAYPOINT_LIST.validate_json, content)
         elif kind in (SHAPE, PATH):
-            name, _, content = self._content(place).partition(b"\n")
+            name, _, content = content.partition(b"\n")
             if kind == SHAPE:
                 self.shapes[name.decode(errors="replace")] = content
             elif len(content) % 12 == 0:
@@ -113,7 +116,7 @@ class Recording:
     def scene(self, k: int) -> SceneState:
         """Return poses and readings of the k-th frame. Raises ConfigError for a damaged one."""
         try:
-            return unpack_scene(self._content(self._scenes[k]))
+            return unpack_scene(self._content(self._scenes[k], MOST_GROUP))
         except ValueError as error:
             raise self._damage(error) from None
 
@@ -124,9 +127,13 @@ class Recording:
         return self._unpack(begin, min(begin + KEY_INTERVAL, len(self)))[k - begin]
 
     def _unpack_group(self, begin: int, end: int) -> list[GrainState]:
-        codec = GrainCodec(self.header.lower, self.header.upper)
+        codec, room, frames = GrainCodec(self.header.lower, self.header.upper), MOST_GROUP, []
         try:
-            return [codec.unpack(self._content(place)) for place in self._grains[begin:end]]
+            for place in self._grains[begin:end]:
+                content = self._content(place, room)
+                room -= len(content)
+                frames.append(codec.unpack(content))
+            return frames
         except ValueError as error:
             raise self._damage(error) from None
 
@@ -138,10 +145,14 @@ class Recording:
     def _damage(self, error: ValueError) -> ConfigError:
         return ConfigError(f"{self.path}: damaged: {error}; record the run again")
 
-    def _content(self, place: Block) -> bytes:
+    def _content(self, place: Block, most: int) -> bytes:
+        """Return a block's content; raises ConfigError above so many bytes, before these are unpacked."""
         self._file.seek(place[0])
         try:
-            return zstandard.ZstdDecompressor().decompress(self._file.read(place[1]), max_output_size=MOST_BLOCK)
+            packed = self._file.read(place[1])
+            if zstandard.frame_content_size(packed) > most:
+                raise self._damage(ValueError(f"at byte {place[0]}: a block of more than {most} bytes"))
+            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=max(most, 1))
         except zstandard.ZstdError as error:
             raise self._damage(ValueError(f"at byte {place[0]}: {error}")) from None
 

@@ -114,7 +114,7 @@ class Readings:
         align_signs(values["commanded"], values["reached"])
         rows = np.column_stack(list(values.values()))
         header = ",".join(name_columns(self.joints, self.slides))
-        with path.open("w") as file:
+        with path.open("w", encoding="utf-8") as file:
             np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.9g")
 
 

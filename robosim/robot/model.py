@@ -178,4 +178,4 @@ def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
         if model.site(i).name == assembly.robot.flange:
             ET.SubElement(elements[model.site_bodyid[i]], "site", name=assembly.robot.flange,
                           pos=_format(model.site_pos[i]), quat=_format(model.site_quat[i]))
-    path.write_text(ET.tostring(root, encoding="unicode"))
+    path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")

@@ -83,8 +83,7 @@ def return_to(keep: Keep, task: str, **options: Any) -> None:
 def cases_of(task: str) -> list:
     """Return the cases of a task that every one has.
 
-    A first start that takes more than a minute to settle, and most arms, are run with --full.
-    """
+    A first start that takes more than a minute to settle, and most arms, are run with --full."""
     pour, is_long = task == "SpoonPour", task in ("DoseScoop", "DoseBottle")
     with_arm = task in ("SpoonScoop", "SpoonPour", "BottlePickPour", "ShovelMove")
     return [*case_of(f"env/{task}", act, task, 5, usual="f32 f64" if pour else "" if is_long else "f32",

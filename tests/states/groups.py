@@ -38,8 +38,7 @@ def case_of(name: str, run: Callable[..., None], *args: Any, usual: str = "", mo
             **options: Any) -> list[Case]:
     """Return a case in each of the groups that are run usually, and of those that --full adds.
 
-    Arguments go to `run`, after what keeps its states.
-    """
+    Arguments go to `run`, after what keeps its states."""
     return [Case(f"{group}/{name}", lambda keep: run(keep, *args, **options), is_usual)
             for groups, is_usual in ((usual, True), (more, False)) for group in groups.split()]
 

@@ -22,8 +22,7 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 def make_record(out: Path, tree: Path, choice: list[str], again: bool) -> int:
     """Run the cases that a file lacks, and write it; returns 1 where one has failed.
 
-    tree: checkout whose code is run. choice: arguments that say which cases. again: run cases that the file has.
-    """
+    tree: checkout whose code is run. choice: arguments that say which cases. again: run cases that the file has."""
     environment = os.environ | ONE_THREAD | {
         "PYTHONPATH": str(tree), "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1"}
     environment.setdefault("TI_OFFLINE_CACHE_FILE_PATH", str(Path(tempfile.gettempdir()) / "states_kernels"))

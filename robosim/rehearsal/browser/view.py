@@ -58,15 +58,18 @@ def is_recorded(what: str) -> bool:
 def begin_run(name: str, material: str | None, out: Path | None, settings: list[Setting]) -> Iterator[Path]:
     """Begin a rehearsal, or an episode of a sub-task's script, in a process of its own; give its recording at once.
 
-    The process is ended with the viewer. Raises RunFailed."""
+    The process is ended with the viewer. Raises RunFailed, and ConfigError for a folder with a recording, which would
+    be lost."""
+    kept = [path for path in (out / FILE, out / f"{FILE}.part") if path.exists()] if out else []
+    if kept:
+        raise ConfigError(f"--out {out}: holds {kept[0].name} of another run; accepted: another folder, or `robosim "
+                          f"view {out}` to show that run")
     with tempfile.TemporaryDirectory(prefix="robosim-view-") as temporary:
         folder = out or Path(temporary)
         words = ["evaluate", name, "--episodes", "1"] if is_task(name) else ["rehearse", name]
         command = [sys.executable, "-m", "robosim", *words, "--no-video", "--out", str(folder)]
         command += [word for s in settings for word in ("--set", s.text)]
         command += ["--material", material] if material else []
-        for old in (folder / FILE, folder / f"{FILE}.part"):
-            old.unlink(missing_ok=True)
         process = subprocess.Popen(command)
         try:
             yield wait_for_recording(folder, process)

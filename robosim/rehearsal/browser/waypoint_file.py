@@ -9,8 +9,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 from ruamel.yaml.error import YAMLError
 
+from mpm.files import write
 from robosim.base.errors import ConfigError
-from robosim.base.files import write_text
 from robosim.base.input_files import read_text
 from robosim.base.resources import config_path
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
@@ -32,13 +32,22 @@ class WaypointFile:
     def save(self, config: RehearsalConfig, names: list[str]) -> Path:
         """Write the positions of these waypoints; return the file.
 
-        A bundled rehearsal becomes NAME.yaml in the working directory. Raises ConfigError where that exists, or where
-        the file has changed and no longer has these waypoints."""
+        A bundled rehearsal becomes NAME.yaml in the working directory. Raises ConfigError where that exists, where the
+        file has changed and no longer has these waypoints, or would not be accepted: it stays as it was then."""
         target = Path(f"{self.source.stem}.yaml") if self.is_bundled else self.source
         if self.is_bundled and target.exists():
             raise ConfigError(f"{target.resolve()}: exists; accepted: `robosim view {target} --plan` to edit it, or "
                               f"another working directory")
-        write_text(target, replace_positions(read_text(self.source), self.source, config, names))
+        text = replace_positions(read_text(self.source), self.source, config, names)
+
+        def write_checked(path: Path) -> None:
+            path.write_text(text, encoding="utf-8")
+            try:
+                load_rehearsal(str(path), settings=self._settings)
+            except ConfigError as error:
+                raise ConfigError(str(error).replace(str(path), str(target))) from None
+
+        write(target, write_checked)
         self.source, self.is_bundled = target, False
         self.config = load_rehearsal(str(target), settings=self._settings)
         return target.resolve()

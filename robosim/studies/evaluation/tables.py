@@ -32,7 +32,7 @@ def make_rows(episodes: Rows) -> Rows:
 
 def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
     """Write a line a row; one has not all of the columns."""
-    with path.open("w", newline="") as file:
+    with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
         table.writeheader()
         table.writerows(rows)

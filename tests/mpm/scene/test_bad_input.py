@@ -105,7 +105,7 @@ def test_numbers_that_are_none_are_refused() -> None:
     field, nan = solver([cube()], [ball()]), float("nan")
     with pytest.raises(mpm.InvalidValue, match="collider 0: .* accepted: finite"):
         field.set_collider_motion(0, field.collider_pose(0), at(nan, 0, 0))
-    for duration in (nan, np.inf, 0.0):
+    for duration in (nan, np.inf, 0.0, "a", None):
         with pytest.raises(mpm.InvalidValue, match="accepted: a positive time"):
             field.advance(duration)
     with pytest.raises(mpm.InvalidValue, match="cell = nan"):

@@ -13,7 +13,9 @@ from numpy.lib import format as npy
 from mpm.array_files import read_arrays
 from mpm.errors import InvalidValue
 from mpm.files import quote
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.input_files import MAX_DEPTH, MAX_TEXT, StrictComposer, check_form, read_json, read_text
+from robosim.base.resources import config_path
 
 
 class Loader(StrictComposer, yaml.SafeLoader):
@@ -74,6 +76,24 @@ def test_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None
         read_arrays(path)
     with pytest.raises(InvalidValue, match="1001 arrays; accepted: up to 1000"):
         read_arrays(written(tmp_path / "y.npz", **{f"a{k}": b"" for k in range(1001)}))
+
+
+def test_an_array_that_is_in_a_file_twice_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "x.npz", a=header((3,)) + bytes(24))
+    with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        archive.writestr("a.npy", header((3,)) + bytes(24))
+    with pytest.raises(InvalidValue, match="'a.npy' is in it twice"):
+        read_arrays(path)
+
+
+def test_a_name_that_does_not_exist_is_told_what_was_probably_meant() -> None:
+    """However long it is, the message stays one that can be read."""
+    with pytest.raises(UnknownName, match=r"unknown material 'suger'.*; did you mean 'sugar'\?$"):
+        config_path("materials", "suger", "material")
+    for name in (5000 * "x", 5000 * "x" + ".yaml"):
+        with pytest.raises(ConfigError) as caught:
+            config_path("materials", name, "material")
+        assert len(str(caught.value)) < 1000
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x93NUMPY", b"\x80\x04K\x01."])

@@ -1,8 +1,7 @@
 """Copies of environments: a state that was saved, loaded, copied or pickled continues to the bit like the original.
 
 To compile a scene takes seconds. So the quick tests share one sub-task, close what they have made, and advance a copy
-only once its original is closed and has left it the compiled fields.
-"""
+only once its original is closed and has left it the compiled fields."""
 
 import copy
 import os

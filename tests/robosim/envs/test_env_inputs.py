@@ -36,8 +36,7 @@ def test_unknown_options_list_the_valid_ones(options: dict, words: tuple[str, ..
 def test_a_closed_environment_says_so() -> None:
     """Alone and among others, whatever is called; closing it twice is accepted.
 
-    It comes before those that use `env`, whose fields and kernels are those that it leaves.
-    """
+    It comes before those that use `env`, whose fields and kernels are those that it leaves."""
     env, vector = make("ShovelMove", render_mode="rgb_array"), make_vector("ShovelMove", 2)
     for one in (env, env, vector, vector):
         one.close()
@@ -64,6 +63,9 @@ def test_actions_are_checked(env: GrainEnv) -> None:
     env.actions.clip = False
     with pytest.raises(robosim.UnknownName, match="nominal"):
         env.reset(options={"easy": True})
+    for options, words in (([1], r"\[1\]; accepted: a dict"), ({"nominal": "no"}, "'no'; accepted: True")):
+        with pytest.raises(robosim.ConfigError, match=words):
+            env.reset(options=options)
 
 
 def test_random_materials_reach_the_field(env: GrainEnv) -> None:
@@ -124,8 +126,7 @@ def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: P
 def test_a_stiffer_material_gets_a_smaller_step(task: str, arm: bool) -> None:
     """Paper is too stiff for the sub-tasks' own step, so that its solver chooses a smaller one.
 
-    With an arm, the plugin would refuse one that is requested and does not divide its own step.
-    """
+    With an arm, the plugin would refuse one that is requested and does not divide its own step."""
     env = make(task, material="paper", arm=arm)
     assert arm or env.task.field.dt > env.solver.bound > env.solver.dt
     env.reset(seed=0)

@@ -114,8 +114,7 @@ class Driver:
     """Steps a vector environment, and sorts its rows into what happened to each environment, in any mode.
 
     An event is the start of an episode (observation, info) or a step (observation, reward, terminated, truncated,
-    info). Environment e takes the actions of its own list, in order; actions that a mode ignores are zero.
-    """
+    info). Environment e takes the actions of its own list, in order; actions that a mode ignores are zero."""
 
     def __init__(self, vector: gymnasium.vector.VectorEnv, given: np.ndarray) -> None:
         self.vector, self.given, self.mode = vector, given, vector.metadata["autoreset_mode"]
@@ -164,8 +163,7 @@ def each_mode(carried: gymnasium.vector.VectorEnv) -> Iterator[tuple[AutoresetMo
 def test_all_modes_give_the_same_episodes(carried: gymnasium.vector.VectorEnv) -> None:
     """To the bit: starts, steps, last observations and infos of each environment, in whatever step they come.
 
-    A reset of one environment after two steps makes it end later than the others.
-    """
+    A reset of one environment after two steps makes it end later than the others."""
     given = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3, 3)).astype(np.float32)
     events = {}
     for mode, vector in each_mode(carried):

@@ -97,8 +97,7 @@ def test_a_waypoint_that_collides_is_refused_with_the_pair_and_the_depth(waypoin
 def test_clearances_are_those_of_the_places() -> None:
     """Raising the arm by a height raises its smallest distance from the table by that much; in itself nothing changes.
 
-    A posture folded into itself is found, with the bodies that overlap.
-    """
+    A posture folded into itself is found, with the bodies that overlap."""
     config = rehearsal("shovel", grip_turn_deg=0.0)
     plan = plan_motion(config)
     q, rise = plan.solution.q[0], 0.01

@@ -30,8 +30,7 @@ from robosim.tasks.task import load_task
 def test_each_motion_begins_where_the_one_before_ends(chained):
     """Each moves 4 cm along y, from the position over the source on; height and attitude are the motion's own.
 
-    The target container stands where the last one pours.
-    """
+    The target container stands where the last one pours."""
     tasks = [load_task(name) for name in chained.learned]
     path = LearnedPath(chained)
     offset = np.array(chained.containers["source"].position) - tasks[0].containers["source"].position
@@ -96,8 +95,7 @@ def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
     """A spoon goes down to the floor of the container and up again.
 
     A path well above the floor is unchanged; one 1 mm into it is shifted by what is missing, and only there; one whose
-    floor is in the middle of the bowl needs more than the largest shift and is unchanged.
-    """
+    floor is in the middle of the bowl needs more than the largest shift and is unchanged."""
     action = load_task("SpoonScoop").action
     head = tool_shape("spoon").mesh.vertices
     height = LearnedPath(chained).pose(0.0).apply(head)[:, 2].min() - chained.containers["source"].position[2]

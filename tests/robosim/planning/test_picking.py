@@ -56,8 +56,7 @@ def test_the_hand_goes_back_from_a_tool_that_it_sets_down() -> None:
 def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it() -> None:
     """At the stand with open fingers; closed and released, gravity and a push of 1 N displace it by less than 1 mm.
 
-    When the fingers open again it stands by itself, and its slip is that of the grasp.
-    """
+    When the fingers open again it stands by itself, and its slip is that of the grasp."""
     plan = plan_of("pick_bottle")
     scene = compile_rehearsal(plan.config)
     model, data = scene.model, mujoco.MjData(scene.model)

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 
 from robosim.base.errors import ConfigError
 from robosim.recordings.frames import KEY_INTERVAL, PRESSURES, SPEEDS, GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingHeader
 from robosim.recordings.reader import Recording, find_recordings
-from robosim.recordings.writer import MAGIC, RecordingWriter
+from robosim.recordings.writer import BLOCK, MAGIC, SHAPE, RecordingWriter
 
 LOWER, UPPER = np.array([-0.2, 0.1, 0.0]), np.array([0.6, 0.5, 0.3])
 GRAINS, FRAMES = 700, 2 * KEY_INTERVAL + 3
@@ -130,3 +131,14 @@ def test_a_damaged_recording_is_refused_by_its_place(opened: Callable[[Path], Re
     with pytest.raises(ConfigError, match=r"damaged: at byte [0-9]+: .*; record the run again"):
         recording.grains(FRAMES - 1)
     recording.grains(0)  # the others can be read
+
+
+@pytest.mark.parametrize("says_size", [True, False])
+def test_a_small_file_that_unpacks_to_more_than_any_scene_is_refused(says_size: bool, tmp_path: Path) -> None:
+    """Thirty blocks of 10 MB in some kilobytes: refused at the block that is too many, before it is unpacked."""
+    write(tmp_path / "recording.rec").close()
+    zeros = zstandard.ZstdCompressor(write_content_size=says_size).compress(bytes(10**7))
+    content = (tmp_path / "recording.rec").read_bytes() + 30 * (BLOCK.pack(SHAPE, len(zeros)) + zeros)
+    (tmp_path / "recording.rec").write_bytes(content)
+    with pytest.raises(ConfigError, match=r"damaged: at byte [0-9]+: "):
+        Recording(tmp_path / "recording.rec")

@@ -96,8 +96,7 @@ def corners(model: mujoco.MjModel, geom: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("rate", [20.0, 300.0])
-def test_frames_have_the_state_of_their_time(rate: float, opened: Callable[[Path], Recording],
-                                             tmp_path: Path) -> None:
+def test_frames_have_the_state_of_their_time(rate: float, opened: Callable[[Path], Recording], tmp_path: Path) -> None:
     model, data, solver, plugin = scene()
     recorder = SceneRecorder(tmp_path / "recording.rec", model, data, solver, kind="scene", title="a block",
                              frame_rate=rate, tool="block")

@@ -29,8 +29,7 @@ UNIT = re.compile("_(s|m|kg|deg)$")
 def check_the_trajectories(out: Path, rows: np.ndarray, arm: Arm) -> None:
     """trajectory.csv and joint_trajectory.yaml share a clock; quaternions have one sign, commanded and reached alike.
 
-    The tool's pose at joint angles between the points of the .yaml file is the commanded one of the .csv file's row.
-    """
+    The tool's pose at joint angles between the points of the .yaml file is the commanded one of the .csv file's row."""
     message = yaml.safe_load((out / MISSED_TRAJECTORY).read_text())
     times = np.array([p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]])
     q, qd = (np.array([p[key] for p in message["points"]]) for key in ("positions", "velocities"))

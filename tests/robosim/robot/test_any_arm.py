@@ -146,8 +146,7 @@ ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="0 0 0.1"/><geometry>
 def test_a_urdf_with_fixed_frames_is_an_arm(tmp_path: Path) -> None:
     """Base and flange are links without a joint, which MuJoCo would fuse; poses and gravity torques are MuJoCo's.
 
-    It says its limits of speed and torque.
-    """
+    It says its limits of speed and torque."""
     links = "".join(LINK.format(k=k, parent=f"l{k - 1}" if k else "base_link", axis="0 0 1" if k % 2 == 0 else "0 1 0")
                     for k in range(6))
     (tmp_path / "lab.urdf").write_text(URDF.format(links=links))

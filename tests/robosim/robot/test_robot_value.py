@@ -114,8 +114,7 @@ def test_models_of_others_are_found_by_name(tmp_path: Path, monkeypatch: pytest.
     for module in (package, found, textual):
         monkeypatch.setitem(sys.modules, module.__name__, module)
     assert locate_model("a_description", Path("elsewhere")) == arm
-    for name, message in (("b_description", "neither an MJCF nor a URDF"),
-                          ("c_description", "a name of that package")):
+    for name, message in (("b_description", "neither an MJCF nor a URDF"), ("c_description", "a name of that package")):
         with pytest.raises(ConfigError, match=message):
             locate_model(name, tmp_path)
     monkeypatch.delenv("MUJOCO_MENAGERIE", raising=False)

@@ -16,8 +16,7 @@ from robosim.scene.models import assemble
 def test_container_points_in_the_tool_are_counted_with_their_depth(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball in the spoon's place 1 mm in the source's floor is counted, one above it is not.
 
-    A rehearsal without `tool_container` monitors neither contacts nor points.
-    """
+    A rehearsal without `tool_container` monitors neither contacts nor points."""
     monkeypatch.setattr(container_clearance, "build_real_tool_sdf", lambda tool: mpm.Sdf.sphere(0.03))
     config = load_rehearsal("spoon")
     scene = compile_rehearsal(config)

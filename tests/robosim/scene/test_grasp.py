@@ -21,8 +21,7 @@ def hold(config: RehearsalConfig, load: np.ndarray, duration: float, swing: floa
     """Close the fingers on the tool with the arm at rest, release it and apply a force [N] (3,) at its centre of mass.
 
     swing: amplitude [rad] of a joint motion from 0.7 s on, with a period of 2 s. Returns scene, state, grasp, and the
-    joint speeds (7,) before the last step.
-    """
+    joint speeds (7,) before the last step."""
     scene = compile_rehearsal(config)
     data = mujoco.MjData(scene.model)
     data.qpos[scene.arm_qpos] = POSTURE
@@ -62,8 +61,7 @@ def test_tool_held_by_friction_does_not_creep_while_the_arm_moves(name: str) -> 
 def test_contact_is_as_stiff_as_the_pads() -> None:
     """3 N rotate a scoop in the fingers by 0.02 deg: contact compliance is that of the pads.
 
-    MuJoCo's mean with the default compliance of the metal handle would give 0.05 deg.
-    """
+    MuJoCo's mean with the default compliance of the metal handle would give 0.05 deg."""
     config = rehearsal("scoop", grasp="friction")
     angles = []
     for load in (0.0, -3.0):

@@ -9,6 +9,8 @@ import pytest
 from robosim.base.errors import ConfigError
 from robosim.base.resources import config_path
 from robosim.config.rehearsal import load_rehearsal
+from robosim.recordings.reader import FILE
+from robosim.rehearsal.browser.view import begin_run
 from robosim.rehearsal.browser.waypoint_file import WaypointFile, move_waypoint
 
 
@@ -54,3 +56,18 @@ def test_a_waypoint_that_the_file_lost_is_refused(own: Path) -> None:
     with pytest.raises(ConfigError, match=r"has no waypoint 'dig' any more; accepted: start, above"):
         file.save(file.config, ["dig"])
     assert own.read_text() == content
+
+
+def test_a_file_that_would_not_be_read_again_is_not_written(own: Path) -> None:
+    file, content = WaypointFile(str(own), []), own.read_text()
+    with pytest.raises(ConfigError, match=r"lab.yaml: waypoints.*nan"):
+        file.save(move_waypoint(file.config, "dig", np.array([0.7, np.nan, 0.2])), ["dig"])
+    assert own.read_text() == content and list(own.parent.iterdir()) == [own]
+
+
+@pytest.mark.parametrize("name", [FILE, f"{FILE}.part"])
+def test_a_run_in_a_viewer_keeps_the_recording_of_another(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(b"of an hour")
+    with pytest.raises(ConfigError, match=rf"holds {name} of another run"), begin_run("spoon", None, tmp_path, []):
+        pass
+    assert (tmp_path / name).read_bytes() == b"of an hour"
