@@ -11,7 +11,7 @@ from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer
 from mpm.state.packs import LANES, is_near, lane_mask
-from mpm.state.particle_motion import drift_after, keep_inside
+from mpm.state.particle_motion import drift_after, keep_inside, kept_off_walls
 from mpm.transfers.to_particles import gather_pack
 
 
@@ -120,6 +120,7 @@ def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(),
         if is_near(fields, after.x, q, centre, fields.colliders[index].sdf.radius + 0.6 * fields.cell):
             v, _B, _f = gather_pack(fields, P, q)
             for d in ti.static(range(3)):
+                v[d] = kept_off_walls(fields, d, P.x[d][q], v[d], dt)
                 after.v[d][q] = v[d]
                 after.x[d][q] = keep_inside(fields, P.x[d][q] + dt * v[d], d)
             for lane in range(LANES):

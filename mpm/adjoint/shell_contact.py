@@ -2,15 +2,13 @@
 It is constant in the derivative on which side of the shell nodes and particles are."""
 
 from mpm.adjoint.coulomb import coulomb_back, surface_back
-from mpm.adjoint.side_layers import layers_of, side_of
-from mpm.backend import once, ti
+from mpm.adjoint.side_layers import gathered_velocity, side_of
+from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
 from mpm.boundaries.shell_transfer import SHELL_RECOVERY, WATCHED, lever_after
 from mpm.state.ledger import position
-from mpm.state.nodes import stencil
 from mpm.state.packs import LANES
-from mpm.state.particle_motion import drift_after, keep_inside
-from mpm.state.stencil import NodeValues, gather, moments, weights
+from mpm.state.particle_motion import drift_after, keep_inside, kept_off_walls
 
 
 @ti.func
@@ -61,13 +59,10 @@ def stop_at_shells_back(a: ti.template(), step: ti.template()):
 def stop_particle_back(a: ti.template(), P: ti.template(), B: ti.template(), step: ti.template(), q, l, dt):
     """Reverse the stop of one particle that has moved for dt [s]; see `find_entered` and `stop_at_shell`."""
     side = side_of(a.after, q, l)
-    node, f = stencil(a.fields.grid, [once(P.x[d][q][l] * (1.0 / a.fields.cell)) for d in range(3)])
-    w = [weights(f[0]), weights(f[1]), weights(f[2])]
-    value, _x, _y, _z = gather(ti.static(NodeValues(a.fields.grid.nodes, layers_of(a.fields, side))), node,
-                               a.fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
-    v = ti.Vector([value[0], value[1], value[2]])
+    v = gathered_velocity(a, P, q, l)
     x = ti.Vector([P.x[d][q][l] for d in range(3)])
     for d in ti.static(range(3)):
+        v[d] = kept_off_walls(a.fields, d, x[d], v[d], dt)
         a.after.v[d][q][l] = v[d]
         a.after.x[d][q][l] = keep_inside(a.fields, x[d] + dt * v[d], d)
     for row, index in ti.static(a.fields.features.shell_rows):

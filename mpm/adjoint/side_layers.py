@@ -2,9 +2,10 @@
 
 from typing import Any, NamedTuple
 
-from mpm.backend import ti
+from mpm.backend import once, ti
 from mpm.state.fields import Fields
-from mpm.state.stencil import SingleLayer
+from mpm.state.nodes import stencil
+from mpm.state.stencil import NodeValues, SingleLayer, gather, moments, weights
 
 
 class SideLayers(NamedTuple):
@@ -36,3 +37,13 @@ def side_of(after: ti.template(), q, l):
     if ti.static(after.has_sides):
         side = ti.cast(after.side[q][l], ti.i32)
     return side
+
+
+@ti.func
+def gathered_velocity(a: ti.template(), P: ti.template(), q, l):
+    """Return the velocity [m/s] (3,) that lane l of pack q gathers from the nodes, before solids and walls stop it."""
+    node, f = stencil(a.fields.grid, [once(P.x[d][q][l] * (1.0 / a.fields.cell)) for d in range(3)])
+    w = [weights(f[0]), weights(f[1]), weights(f[2])]
+    value, _x, _y, _z = gather(ti.static(NodeValues(a.fields.grid.nodes, layers_of(a.fields, side_of(a.after, q, l)))),
+                               node, a.fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
+    return ti.Vector([value[0], value[1], value[2]])

@@ -19,14 +19,16 @@ class WallTape:
     def __init__(self, grid: GridFields, precision: str, depth: int) -> None:
         edge = max(grid.nodes.shape)
         self.nodes = ti.Vector.field(4, real_type(precision), (depth, 6, 3, edge, edge))
+        self.meets = ti.field(ti.i32, (depth, 6, edge, edge))  # 1 where the column's material lies at the wall
         self.at = ti.field(ti.i32, ())  # the substep in question, of `depth`
 
     @ti.func
-    def record(self, grid: ti.template(), side, W, axis, inward, stamp):
+    def record(self, grid: ti.template(), side, W, axis, inward, stamp, meets):
         """Record the column at wall node W; a ghost in a block that is not active counts as zero."""
         i, j = place_of(W, axis)
         ghost = W - unit(axis) * inward
         self.nodes[self.at[None], side, WALL, i, j] = grid.nodes[W]
+        self.meets[self.at[None], side, i, j] = ti.cast(meets, ti.i32)
         self.nodes[self.at[None], side, MIRROR, i, j] = grid.nodes[W + unit(axis) * inward]
         self.nodes[self.at[None], side, GHOST, i, j] = ti.Vector.zero(grid.nodes.dtype, 4)
         if grid.stamp[ghost // BLOCK] == stamp:
@@ -42,8 +44,7 @@ def place_of(W, axis):
 @ti.func
 def unfold_walls_back(a: ti.template(), step: ti.template()):
     """Adjoint of `unfold_walls`, on the adjoints of node velocities and masses."""
-    grid, tape, parameters = ti.static((a.fields.grid, a.tape, a.fields.parameters))
-    table, bars, conditions = ti.static((parameters.walls, a.nodes.bars, a.fields.wall_conditions))
+    grid, tape, parameters, table = ti.static((a.fields.grid, a.tape, a.fields.parameters, a.fields.parameters.walls))
     tape.at[None] = step.place
     for w in range(6):  # the last one that was unfolded first
         axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
@@ -52,19 +53,18 @@ def unfold_walls_back(a: ti.template(), step: ti.template()):
         for active in range(grid.count[None]):
             block = grid.active[active]
             if on_plane(grid, block, axis, node):
-                for a, b in ti.ndrange(BLOCK, BLOCK):
-                    W = column(grid, block, a, b, axis, node)
+                for c, d in ti.ndrange(BLOCK, BLOCK):
+                    W = column(grid, block, c, d, axis, node)
                     i, j = place_of(W, axis)
                     if tape.nodes[tape.at[None], w, WALL, i, j][3] != 0:
                         hidden = folded_earlier(grid, table, W, axis)
-                        column_back(bars, tape, conditions, ti.Vector([w, i, j]), W, axis, inward, kind,
-                                    separable, n, hidden, step.kick, p)
+                        column_back(a, step, ti.Vector([w, i, j]), W, axis, inward, kind, separable, n, hidden, p)
 
 
 @ti.func
-def column_back(bars: ti.template(), tape: ti.template(), conditions: ti.template(), place, W, axis, inward, kind,
-                separable, n, hidden, dt, p):
+def column_back(a: ti.template(), step: ti.template(), place, W, axis, inward, kind, separable, n, hidden, p):
     """Adjoint of `unfold_column`."""
+    tape, bars, conditions = ti.static((a.tape, a.nodes.bars, a.fields.wall_conditions))
     wall = tape.nodes[tape.at[None], place[0], WALL, place[1], place[2]]
     raw = tape.nodes[tape.at[None], place[0], GHOST, place[1], place[2]]
     ghost, partner = W - unit(axis) * inward, W + unit(axis) * inward
@@ -77,10 +77,13 @@ def column_back(bars: ti.template(), tape: ti.template(), conditions: ti.templat
         image = mirror(conditions, kind, tape.nodes[tape.at[None], place[0], MIRROR, place[1], place[2]], 1.0, n, p)
         image[3] = -raw[3]
         pair = 2.0 * (-raw[3] * image - raw).dot(n)
-    wall_bar, pair_bar = stop_back(conditions, wall, n, met, leaves, folded, pair, dt, p, bars[W])
-    bars[W] = wall_bar
-    if raw[3] > 0:
-        ghost_bar, _ = stop_back(ti.static(()), raw, n, IS_FREE, 1, False, 0.0 * pair, dt, p, bars[ghost])
+    meets = tape.meets[tape.at[None], place[0], place[1], place[2]] > 0
+    pair_bar = 0.0 * pair
+    if meets:
+        wall_bar, push_bar = stop_back(conditions, wall, n, met, leaves, folded, pair, step.kick, p, bars[W])
+        bars[W], pair_bar = wall_bar, push_bar
+    if raw[3] > 0 and meets:
+        ghost_bar, _ = stop_back(ti.static(()), raw, n, IS_FREE, 1, False, 0.0 * pair, step.kick, p, bars[ghost])
         bars[ghost] = ghost_bar
     if folded:
         # the ghost took the image of the mirror's velocity; pair = 2 (mass image - raw) . n

@@ -5,10 +5,18 @@ first order. A column (mirror node, wall node, ghost node) that pulls away from 
 Periodic sides come first and leave last: their outer nodes are images of inner ones."""
 
 from mpm.backend import ti
+from mpm.boundaries.facing import distance_to_material
 from mpm.scene.grid import BLOCK, GHOST
 from mpm.scene.walls import IS_FREE, IS_PERIODIC
 from mpm.state.ledger import WALL_ROW, add, position
 from mpm.state.nodes import in_first_layer
+
+WALL_GAP = 0.02
+"""Largest estimated gap [cells] between a wall that can be left and the material that it stops. One grain a cell, at
+rest on it, has 0.016; with 0.1, a block that is thrown up and lands lies 3 to 5 % too high."""
+CLOSE = 0.05
+"""Mass of a ghost relative to its wall node from which a grain is nearer than material that lies at the wall, where it
+is 0.04, and 0.03 on a lattice of two grains a cell. Grains in a gap of others would be squeezed through the wall."""
 
 
 class NoTape:
@@ -85,6 +93,18 @@ def on_plane(grid: ti.template(), block, axis, node):
 
 
 @ti.func
+def lies_at_wall(fields: ti.template(), step: ti.template(), W, behind, ghost, approach):
+    """Return whether the material at node W of a wall lies at it, in half of the rest of a stride at the latest, by the
+    masses of this node, of the node behind and of the ghost.
+    What is still on its way feels nothing: stopped where its nodes reach the wall, it would come to rest in the air.
+    approach: velocity [m/s] of node W towards the wall."""
+    mass = fields.grid.nodes[W][3]
+    share = mass / ti.max(fields.grid.nodes[behind][3], 1e-30)
+    way = 0.5 * (step.stride - step.dt) / fields.cell * ti.max(approach, 0.0)
+    return distance_to_material(share) - way < WALL_GAP or ghost > CLOSE * mass
+
+
+@ti.func
 def ghost_mass(grid: ti.template(), ghost, stamp):
     """Return the mass of a ghost node; zero when its block is not active, negative once folded."""
     mass = ti.cast(0, grid.nodes.dtype)
@@ -104,14 +124,8 @@ def normal4(axis, inward, real: ti.template()):
 def fold_walls(fields: ti.template(), step: ti.template(), w, first, last):
     """Phase: add ghost momentum and mass at wall w to the mirror nodes, in active blocks first .. last - 1.
     A folded ghost keeps its raw values, its mass negated."""
-    fold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, w, fields.parameters.wall_numbers[w],
-              step, fields.parameters.gravity[None], first, last)
-
-
-@ti.func
-def fold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, step: ti.template(), gravity,
-              first, last):
-    """Fold the ghosts of one wall, see `fold_walls`."""
+    grid, table, conditions = ti.static((fields.grid, fields.parameters.walls, fields.wall_conditions))
+    p, gravity = fields.parameters.wall_numbers[w], fields.parameters.gravity[None]
     axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
     n = normal4(axis, inward, grid.nodes.dtype)
     fall = step.kick * (gravity[0] * n[0] + gravity[1] * n[1] + gravity[2] * n[2])
@@ -136,7 +150,8 @@ def fold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template
                         # the impulse that would hold the column; a pull means that it is leaving
                         pushed = -(at_wall.dot(n) + at_wall[3] * fall) \
                             - 2.0 * (m_g * (sum.dot(n) / sum[3] + fall) + raw.dot(n))
-                        if separable == 0 or pushed > 0:
+                        if separable == 0 or (pushed > 0 and lies_at_wall(fields, step, W, partner, m_g,
+                                                                          -at_wall.dot(n) / at_wall[3])):
                             grid.nodes[partner] = sum
                             raw[3] = -m_g
                             grid.nodes[ghost] = raw
@@ -147,15 +162,14 @@ def unfold_walls(fields: ti.template(), step: ti.template(), w, first, last):
     """Phase: give ghosts the mirrored velocity, stop nodes on walls, in active blocks first .. last - 1.
     Walls are unfolded in the reverse order of folding: w counts from the last one. Their impulses are credited to the
     ledger's wall row. A tape records every column before it is unfolded."""
-    unfold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, 5 - w,
-                fields.parameters.wall_numbers[5 - w], step, fields.world_origin(), fields.cell,
-                fields.rows.walls + 5 - w, first, last)
+    unfold_wall(fields, step, 5 - w, first, last)
 
 
 @ti.func
-def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, step: ti.template(), origin,
-                cell, row, first, last):
-    """Unfold the ghosts of one wall, see `unfold_walls`; row: of its own impulse in the ledger."""
+def unfold_wall(fields: ti.template(), step: ti.template(), w, first, last):
+    """Unfold the ghosts of one wall, see `unfold_walls`."""
+    grid, table, conditions = ti.static((fields.grid, fields.parameters.walls, fields.wall_conditions))
+    p, origin, cell, row = fields.parameters.wall_numbers[w], fields.world_origin(), fields.cell, fields.rows.walls + w
     axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
     n = normal4(axis, inward, grid.nodes.dtype)
     total, moment, touched = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3), 0
@@ -165,11 +179,14 @@ def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.templa
             for m in range(BLOCK**2 // step.columns):
                 a, b = column_of(step.columns * m + step.column)
                 W = column(grid, block, a, b, axis, node)
+                ghost, meets = ghost_mass(grid, W - unit(axis) * inward, step.stamp), True
+                if grid.nodes[W][3] != 0 and separable > 0 and ghost >= 0:
+                    meets = lies_at_wall(fields, step, W, W + unit(axis) * inward, ghost, -grid.nodes[W].dot(n))
                 if ti.static(step.tape.records):
-                    step.tape.record(grid, w, W, axis, inward, step.stamp)
+                    step.tape.record(grid, w, W, axis, inward, step.stamp, meets)
                 if grid.nodes[W][3] != 0:
-                    impulse, across = unfold_column(grid, table, conditions, W, axis, inward, kind, separable, n,
-                                                    step.stamp, step.kick, p)
+                    impulse, across = unfold_column(grid, table, conditions, W, axis, inward, kind, separable, n, step,
+                                                    meets, p)
                     touched = 1
                     total += ti.cast(impulse, ti.f64)
                     place = position(in_first_layer(grid, W), origin, cell)
@@ -184,11 +201,11 @@ def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.templa
 
 @ti.func
 def unfold_column(grid: ti.template(), table: ti.template(), conditions: ti.template(), W, axis, inward, kind,
-                  separable, n, stamp, dt, p):
-    """Unfold one column: wall node W, its ghost and its mirror node.
+                  separable, n, step: ti.template(), meets, p):
+    """Unfold one column: wall node W, its ghost and its mirror node; meets: whether its material lies at the wall.
     Return the column's impulse (3,), and the moment (3,) per cell of what acts beside the wall node."""
     ghost = W - unit(axis) * inward
-    m_g = ghost_mass(grid, ghost, stamp)
+    m_g = ghost_mass(grid, ghost, step.stamp)
     pair = ti.cast(0, grid.nodes.dtype)
     met, leaves = kind, separable
     impulse, lever = 0.0 * n, 0.0 * n  # lever: difference of the impulses at mirror and ghost
@@ -208,10 +225,11 @@ def unfold_column(grid: ti.template(), table: ti.template(), conditions: ti.temp
         grid.nodes[ghost] = image
         u[3] += m_g  # back to its own mass, which later credits count
         grid.nodes[partner] = u
-    if m_g > 0:  # an unfolded ghost may leave, not enter
-        stopped = stop_node(grid, ti.static(()), ghost, n, IS_FREE, 1, False, pair, dt, p)
+    if m_g > 0 and meets:  # an unfolded ghost may leave, not enter
+        stopped = stop_node(grid, ti.static(()), ghost, n, IS_FREE, 1, False, pair, step.kick, p)
         impulse, lever = impulse + stopped, lever - stopped
-    impulse += stop_node(grid, conditions, W, n, met, leaves, m_g < 0 and not hidden, pair, dt, p)
+    if meets:
+        impulse += stop_node(grid, conditions, W, n, met, leaves, m_g < 0 and not hidden, pair, step.kick, p)
     return three(impulse), three(n).cross(three(lever))
 
 

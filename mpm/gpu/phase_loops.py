@@ -33,10 +33,12 @@ class PhaseLoops:
         """Rows of the grid of blocks."""
 
     @ti.kernel
-    def run(self, row: ti.i32, stamp: ti.i32, dt: float, kick: float, strain: float, motion: ti.types.ndarray(),
-            mobile: ti.types.ndarray(), out: ti.types.ndarray(), transfer_mass: ti.i32, span: ti.i32, runs: ti.i32):
+    def run(self, row: ti.i32, stamp: ti.i32, dt: float, kick: float, strain: float, stride: float,
+            motion: ti.types.ndarray(), mobile: ti.types.ndarray(), out: ti.types.ndarray(), transfer_mass: ti.i32,
+            span: ti.i32, runs: ti.i32):
         """Run the phases in one substep, see `Step`; runs: 0 to do nothing."""
-        alone = ti.static(Step(row, stamp, dt, kick, strain, transfer_mass, span, motion, mobile, ledger_of(out, 0)))
+        alone = ti.static(Step(row, stamp, dt, kick, strain, transfer_mass, span, stride, motion, mobile,
+                               ledger_of(out, 0)))
         for phase in ti.static(self.phases):
             if ti.static(phase.over == "team"):
                 ti.loop_config(block_dim=self.team)

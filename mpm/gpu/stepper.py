@@ -76,7 +76,7 @@ class GpuStepper(CpuStepper):
             bank.store_now(0)
         self.fields.particles.halted[None] = 0
         for loops in self.loops if substeps == 0 else ():  # only to compile
-            loops.run(0, 0, dt, dt, dt, motion, mobile, out, 1, 0, 0)
+            loops.run(0, 0, dt, dt, dt, dt, motion, mobile, out, 1, 0, 0)
         left, stamp, span, strides = 0, launch.stamp, 1, self.fields.features.strides
         for s in range(substeps):
             starts = left == 0
@@ -88,12 +88,13 @@ class GpuStepper(CpuStepper):
                     self.drift(0.5 * dt * span, stamp)
                     span = max(span, 1)
                     for loops in self.loops:  # a stride begins with half a kick
-                        loops.run(s, stamp, dt, 0.5 * dt, 0.0, motion, mobile, out, 1, 0, 1)
+                        loops.run(s, stamp, dt, 0.5 * dt, 0.0, span * dt, motion, mobile, out, 1, 0, 1)
                 left = span
             left -= 1
             kick = 0.5 * dt if strides and left == 0 else dt
             for loops in self.loops:
-                loops.run(s, stamp, dt, kick, dt, motion, mobile, out, int(not strides), span * (left == 0), 1)
+                loops.run(s, stamp, dt, kick, dt, span * dt, motion, mobile, out, int(not strides), span * (left == 0),
+                          1)
             if self.has_counter and (launch.done + s + 1) % interval == 0:
                 self.read(motion, s, launch.done + s + 1, interval, out, per_particle)
         self.sum_up(out, sampled)

@@ -95,8 +95,8 @@ class AdjointKernel:
                         self.drift(0.5 * dt * span)
                     row, kick, strain, moved = self.plan(begin, k, span, dt)
                     stamp = first_stamp + 2 * done
-                    step = ti.static(Step(row, stamp, dt, kick, strain, ti.cast(k == 0, ti.i32), moved, motion, mobile,
-                                          out, tape=self.tape))
+                    step = ti.static(Step(row, stamp, dt, kick, strain, ti.cast(k == 0, ti.i32), moved, span * dt,
+                                          motion, mobile, out, tape=self.tape))
                     self.update_nodes(step, k, forward)
                     if forward == 0:
                         self.nodes.record(self.fields.grid, self.nodes.velocities, k)

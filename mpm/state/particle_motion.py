@@ -1,12 +1,17 @@
-"""Motion of the particles: displacements, compensated in single precision, walls, and the blocks that they reach."""
+"""Motion of the particles: displacements, compensated in single precision, walls, and the blocks that they reach.
+A wall acts on columns of nodes. A single grain in a gap of others, near an edge of two walls, weighs too little in its
+column to be seen, and its neighbours would squeeze it through the wall: `BACKSTOP` is the last barrier."""
 
 from mpm.backend import ti
 from mpm.state.active_blocks import mark_pack
-from mpm.state.packs import pack_at
+from mpm.state.ledger import WALL_ROW, credit
+from mpm.state.packs import LANES, pack_at
 
 NEAREST = 0.499
 """Quanta by which a displacement is moved away from zero before it is truncated, so that it is rounded to the nearest.
 With a half, a remainder of just that would move a particle at rest to and fro."""
+BACKSTOP = 0.05
+"""Distance [cells] from a wall that can be left at which a grain is stopped. One of four a cell rests 0.125 off."""
 
 
 @ti.func
@@ -102,3 +107,61 @@ def keep_inside(fields: ti.template(), x, axis: ti.template()):
     else:  # holds a particle that an inaccurate step would carry through a wall
         result = ti.max(ti.min(x, high), low)
     return result
+
+
+@ti.func
+def kept_off_walls(fields: ti.template(), axis: ti.template(), x, v, dt):
+    """Return the velocity [m/s] along an axis with which what is at x [m] comes no closer to a wall than `BACKSTOP` in
+    dt [s], or no closer than it is; x, v: packs or numbers. What is so fast that it would pass the wall is left to
+    `keep_inside`, and reported."""
+    table, room = ti.static((fields.parameters.walls, BACKSTOP * fields.cell))
+    result = v
+    if ti.static(not fields.features.periodic[axis]):
+        if table[2 * axis, 4] > 0:
+            result = ti.max(result, ti.min((fields.corner + room - x) / dt, 0.0))
+        if table[2 * axis + 1, 4] > 0:
+            result = ti.min(result, ti.max((fields.corner + fields.span[axis] - room - x) / dt, 0.0))
+        result = ti.select(keep_inside(fields, x + dt * v, axis) == x + dt * v, result, v)
+    return result
+
+
+@ti.func
+def stop_pack_at_walls(fields: ti.template(), P: ti.template(), step: ti.template(), q, v: ti.template(), dt):
+    """Limit the velocity of pack q, which is about to move for dt [s]; credit the walls."""
+    for d in ti.static(range(3)):
+        kept = kept_off_walls(fields, d, P.x[d][q], v[d], dt)
+        for l in range(LANES):
+            if kept[l] != v[d][l] and P.volume[q][l] > 0.0 and not is_at_shell(fields, P, q, l):
+                mass = P.volume[q][l] * density_of(fields, q)
+                credit_wall(fields, step, d, ti.Vector([P.x[r][q][l] for r in range(3)]), mass * (kept[l] - v[d][l]))
+                v[d][l] = kept[l]
+
+
+@ti.func
+def credit_wall(fields: ti.template(), step: ti.template(), axis: ti.template(), x, impulse):
+    """Credit the impulse [N s] on a particle at x [m] along an axis to the wall from which it points away."""
+    p = ti.Vector.zero(ti.f64, 3)
+    p[axis] = impulse
+    place = ti.cast(x, ti.f64) + fields.world_origin()
+    wall = fields.rows.walls + 2 * axis + ti.cast(impulse < 0, ti.i32)
+    for row in ti.static(range(2)):
+        credit(step.out, WALL_ROW if row == 0 else wall, place, p)
+
+
+@ti.func
+def is_at_shell(fields: ti.template(), P: ti.template(), q, l):
+    """Return whether a particle has a side of a shell: its velocity comes later, see `gather_across_shells`."""
+    result = False
+    if ti.static(len(fields.features.shells) > 0):
+        result = P.side[q][l] != 0.0
+    return result
+
+
+@ti.func
+def density_of(fields: ti.template(), q):
+    """Return the density [kg/m^3] of the body that pack q belongs to."""
+    density = fields.parameters.densities[0]
+    for body in range(1, fields.parameters.densities.shape[0]):
+        if q >= fields.particles.range_table[body][0]:
+            density = fields.parameters.densities[body]
+    return density

@@ -187,10 +187,12 @@ class CpuStepper:
                     kick = kick_of(launch.dt, is_strained, left)
                     run_phases(self.fields, self.phases, present, ti.static(Step(
                         row, stamp, launch.dt, kick, is_strained * launch.dt, 1 - is_strained,
-                        is_strained * span * (left == 0), launch.motion, launch.mobile, launch.out)))
+                        is_strained * span * (left == 0), span * launch.dt, launch.motion, launch.mobile,
+                        launch.out)))
             else:
                 run_phases(self.fields, self.phases, present, ti.static(Step(
-                    row, stamp, launch.dt, launch.dt, launch.dt, 1, 1, launch.motion, launch.mobile, launch.out)))
+                    row, stamp, launch.dt, launch.dt, launch.dt, 1, 1, launch.dt, launch.motion, launch.mobile,
+                    launch.out)))
             if self.fields.particles.halted[None] > 0:
                 if group.thread == 0:
                     add(launch.out, self.fields.rows.status, 2, ti.cast(s + 1, ti.f64))

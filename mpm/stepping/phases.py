@@ -40,6 +40,7 @@ class Step(NamedTuple):
     """1 where nodes take momentum and mass from the particles, 0 where they keep those of the previous substep."""
     span: Any
     """Substeps of the stride that ends with this one, after which particles move; 0 within a stride."""
+    stride: Any  # length of the stride [s]
     motion: Any  # motion table (k, n, COLUMNS) of the moving colliders
     mobile: Any  # table of the mobile colliders, see `mobile_motion`
     out: Any  # ledger and status (rows, 6)

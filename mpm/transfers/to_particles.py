@@ -5,7 +5,7 @@ from mpm.state.active_blocks import list_row
 from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES, is_active, pack_at
-from mpm.state.particle_motion import drift_after, mark_active_lanes, move_pack
+from mpm.state.particle_motion import drift_after, mark_active_lanes, move_pack, stop_pack_at_walls
 from mpm.state.particles import SPEED_LIMIT
 from mpm.state.stencil import NodeValues, SingleLayer, gather, lane_weights, moments, weights
 
@@ -22,7 +22,7 @@ def start_block_list(fields: ti.template(), step: ti.template(), first, last):
 @ti.func
 def gather_packs(fields: ti.template(), step: ti.template(), first, last):
     """Phase: gather velocities of packs first .. last - 1; at the end of a stride, move the particles."""
-    gather_and_move(fields, fields.particles, drift_after(fields, step), step.stamp + step.span, first, last)
+    gather_and_move(fields, fields.particles, step, drift_after(fields, step), first, last)
     if ti.static(not fields.features.sleep):  # there, padding lanes always sleep
         for body in range(fields.parameters.densities.shape[0]):
             ends = fields.particles.range_table[body]
@@ -31,7 +31,7 @@ def gather_packs(fields: ti.template(), step: ti.template(), first, last):
 
 
 @ti.func
-def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.i32, first, last):
+def gather_and_move(fields: ti.template(), P: ti.template(), step: ti.template(), dt, first, last):
     """Gather velocity and affine velocity of packs first .. last - 1; where dt > 0, move them for that time [s].
     The blocks that moved particles reach are activated for the next substep."""
     last_key = -1
@@ -42,9 +42,12 @@ def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.
         v, B, f = gather_pack(fields, P, q)
         gradient = 4.0 / fields.cell
         for r in ti.static(range(3)):
-            P.v[r][q] = v[r]
             for c in ti.static(range(3)):
                 P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
+        if ti.static(len(fields.wall_conditions) > 0) and dt > 0:
+            stop_pack_at_walls(fields, P, step, q, v, dt)
+        for r in ti.static(range(3)):
+            P.v[r][q] = v[r]
         if dt > 0:
             for r in ti.static(range(3)):
                 displacement = dt * v[r]
@@ -52,7 +55,7 @@ def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.
                     # `move_listed` moves the others, from where they are now
                     displacement = ti.select(P.side[q] == 0.0, displacement, 0.0 * displacement)
                 move_pack(fields, P, q, r, displacement)
-            last_key = mark_active_lanes(fields, P, q, last_key, next_stamp)
+            last_key = mark_active_lanes(fields, P, q, last_key, step.stamp + step.span)
         v2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
         fastest = ti.max(fastest, v2)
         squares += v2
