@@ -9,6 +9,7 @@ from grain_envs import make, observe, play
 from gymnasium.utils.env_checker import check_env
 
 import mpm
+from robosim.base.resources import config_names
 from robosim.config.materials import load_material
 from robosim.envs import BUNDLED, DOSING, TASKS, sub_tasks
 from robosim.envs.grain_env import GrainEnv
@@ -16,7 +17,7 @@ from robosim.scene.grains import grain_volume
 from robosim.shapes import tool_shape
 from robosim.studies.evaluation.policies import make_policy
 from robosim.tasks.outcome import build_outcome, build_reward
-from robosim.tasks.task import load_task, task_names
+from robosim.tasks.task import load_task
 
 EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10), "ShovelMove": (-41.70, 41.70),
             "SpoonPour": (-30.45, 52.78), "ScoopPour": (-39.60, 72.60), "BottlePickPour": (-26.60, 46.55)}
@@ -35,7 +36,7 @@ def scoop() -> GrainEnv:
 
 
 def test_every_task_has_an_environment_with_a_page() -> None:
-    assert sorted(BUNDLED) == task_names()
+    assert sorted(BUNDLED) == config_names("tasks")
     for name in (*TASKS, *DOSING):
         page, task = getattr(sub_tasks, name).__doc__, load_task(name)
         if task.dose is None:
