@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from trays import tray
 
 import mpm
 from robosim import ConfigError, GranularPlugin, UnknownName
@@ -23,19 +24,6 @@ BOXES = """
 </mujoco>
 """
 NAMES = ("light", "middle", "heavy")
-CELL = 0.01
-
-
-def tray(xml: str, size: tuple[float, float, float] = (0.1, 0.1, 0.02), dt: float | None = None,
-         data: mujoco.MjData | None = None, **choices: object) -> GranularPlugin:
-    """Sand below a scene, coupled to bodies of it; data: of a scene that there is already."""
-    data = mujoco.MjData(mujoco.MjModel.from_xml_string(xml)) if data is None else data
-    sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0, 0, 0), size, CELL / 2, np.random.default_rng(0))
-    solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (size[0], size[1], 0.15), CELL), walls=mpm.Walls(friction=0.5), dt=dt,
-        bodies=[mpm.Body(sand, positions, volume=float(np.prod(size)) / len(positions))])
-    return GranularPlugin(data.model, data, solver, **choices)  # type: ignore[arg-type]
 
 
 BOX = """
