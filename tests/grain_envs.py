@@ -6,8 +6,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+import mpm
 import robosim  # noqa: F401  (registers the environments)
 from robosim.envs.grain_env import GrainEnv
+from robosim.senses.perception import Perception
+from robosim.senses.term import SenseScene
 from robosim.studies.evaluation.policies import make_policy
 
 
@@ -35,6 +38,15 @@ def play(env: GrainEnv, policy: str | Callable = "scripted", seed: int = 0, **re
         total, over = total + reward, terminated or truncated
         seen.append(observation)
     return total, info, seen
+
+
+def observe(env: GrainEnv, layout: Any) -> tuple[Perception, Any]:
+    """Return what reads a layout, and the present state in it."""
+    perception = Perception(env.task, layout)
+    perception.build(SenseScene(env.task, env.material, env.solver))
+    grains = mpm.Sample(env.solver, perception.grains).read() if layout != "none" else np.zeros((0, 6), np.float32)
+    sight = env.member.look(grains)
+    return perception, perception.read(sight, perception.begin(sight, 0))
 
 
 def same(one: Any, other: Any) -> bool:

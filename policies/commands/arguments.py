@@ -13,15 +13,9 @@ def add_task(parser: Any, also: str = "or a task's .yaml file") -> None:
     parser.add_argument("task", help=one_of(config_names("tasks"), also))
 
 
-def add_material(parser: Any, default: str, what: str = "material of the grains") -> None:
-    """Add `--material`; default, what: for the help."""
-    parser.add_argument("--material", help=f"{what}: {one_of(config_names('materials'))} (default: {default})")
-
-
 def add_action_repeat(parser: Any, more: str = "") -> None:
     """Add `--action-repeat`; more: for the help."""
-    parser.add_number("--action-repeat", default=10,
-                      help=f"steps of 2 ms for which an action is repeated{more} (default: 10)")
+    parser.add_number("--action-repeat", default=10, help=f"steps of 2 ms for which an action is repeated{more}")
 
 
 def take_options(kind: Any, options: argparse.Namespace) -> Any:

@@ -1,12 +1,11 @@
 """`robosim demo`: demonstrations by descent through the field, or by CMA-ES."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
-from policies.commands.arguments import add_action_repeat, add_material, add_task, take_options
+from policies.commands.arguments import add_action_repeat, add_task, take_options
 from policies.demonstrations import METHODS
-from policies.learning.names import check_material, check_task
+from policies.learning.names import check_task
 from policies.learning.options import RATE, SearchOptions
 
 EXAMPLE = """examples:
@@ -21,17 +20,14 @@ def add_parser(commands: Any) -> None:
                                  description="Optimise motions of a sub-task by gradient descent through the "
                                  "differentiable simulation, or by CMA-ES, and write them as demonstrations.")
     add_task(parser)
-    parser.add_argument("--out", type=Path, required=True, help="folder for demonstrations, plots and the table; an "
-                        "interrupted run continues with the same command")
-    parser.add_number("--n", default=10, help="number of demonstrations, from different starts (default: 10)")
-    parser.add_number("--jobs", default=1, help="number of demonstrations at the same time (default: 1)")
+    parser.add_out("demonstrations, plots and the table; an interrupted run continues with the same command")
+    parser.add_number("--n", default=10, help="number of demonstrations, from different starts")
+    parser.add_number("--jobs", default=1, help="number of demonstrations at the same time")
     parser.add_argument("--method", choices=METHODS, default="descent", help="gradient descent, or CMA-ES on a spline "
-                        "of the same motion, without gradients (default: descent)")
-    add_material(parser, "glycerol; clay for scooping and for the shovel", "material of the optimisation")
-    parser.add_number("--iterations", default=150,
-                      help="largest number of iterations for each demonstration (default: 150)")
-    parser.add_number("--rate", default=RATE, help="largest change of an action (range -1 to 1) in an iteration "
-                      f"(default: {RATE})")
+                        "of the same motion, without gradients")
+    parser.add_material("glycerol; clay for scooping and for the shovel", "material of the optimisation")
+    parser.add_number("--iterations", default=150, help="largest number of iterations for each demonstration")
+    parser.add_number("--rate", default=RATE, help="largest change of an action (range -1 to 1) in an iteration")
     add_action_repeat(parser)
     parser.add_argument("--from", dest="start", help="initial motion: a .npz file with actions, or `script`, the "
                         "task's scripted motion, for a tool that must touch its material first (default: at rest)")
@@ -39,8 +35,7 @@ def add_parser(commands: Any) -> None:
                       "it the tool is initially at rest (default: start with the whole script, keep nothing fixed)")
     parser.add_number("--limit", help="clip each entry of the state's adjoint to this in every substep; sand may need "
                       "it (default: no clipping)")
-    parser.add_number("--seed", default=0, help="random seed of the first start, as in the environment's reset "
-                      "(default: 0)")
+    parser.add_number("--seed", default=0, help="random seed of the first start, as in the environment's reset")
     parser.add_argument("--nominal", action="store_true", help="start the first demonstration at the task's nominal "
                         "pose, as training does by default; the others start at random poses")
     parser.add_argument("--arm", action="store_true", help="report joint speeds and angles that the motion needs, and "
@@ -55,7 +50,6 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the names, then make the demonstrations."""
     check_task(options.task)
-    check_material(options.material)
     o = options
     with o.settings.changed("tasks", o.task, o.out) as task:
         from policies.demonstrations.demo import demonstrate

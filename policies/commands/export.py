@@ -20,12 +20,11 @@ def add_parser(commands: Any) -> None:
                                  "LeRobot dataset with pictures.")
     add_task(parser)
     parser.add_argument("--demos", type=Path, required=True, help="folder of `robosim demo`, or one .npz file")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the dataset, or a file that ends "
-                        "in .hdf5")
-    parser.add_argument("--format", choices=["minari", "lerobot"], default="minari", help="minari, or lerobot: "
-                        "parquet, mp4 and meta of version 3 (default: minari)")
+    parser.add_out("the dataset, or a file that ends in .hdf5")
+    parser.add_argument("--format", choices=["minari", "lerobot"], default="minari",
+                        help="minari, or lerobot: parquet, mp4 and meta of version 3")
     parser.add_argument("--no-pictures", action="store_true", help="lerobot: without pictures of the task")
-    parser.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
+    parser.add_argument("--obs", default="flat", help="layout of the observations")
     add_action_repeat(parser)
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run)

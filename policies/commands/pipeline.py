@@ -1,12 +1,9 @@
 """`robosim pipeline`: from nothing to the whole arm's motion, one command after the other."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import mpm
-from policies.commands.arguments import add_material
-from policies.learning.names import check_material
 from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
 
@@ -26,21 +23,19 @@ def add_parser(commands: Any) -> None:
                                  "the learned motions in sequence and with the whole arm. Exit status 0 only if every "
                                  "step succeeded.", epilog=EXAMPLE)
     parser.add_argument("rehearsal", help=f"one of {', '.join(config_names('rehearsals'))}")
-    parser.add_argument("--out", type=Path, required=True, help="folder of all results")
-    parser.add_argument("--method", default=METHOD, help=f"training method: {one_of(config_names('training'))} "
-                        f"(default: {METHOD})")
-    parser.add_number("--seed", default=0, help="random seed (default: 0)")
+    parser.add_out("all results")
+    parser.add_argument("--method", default=METHOD, help=f"training method: {one_of(config_names('training'))}")
+    parser.add_number("--seed", default=0, help="random seed")
     parser.add_number("--n", default=1, help="demonstrations of each sub-task (default: 1; arXiv 2406.09178: 10)")
-    parser.add_number("--iterations", default=150,
-                      help="largest number of iterations for each demonstration (default: 150)")
+    parser.add_number("--iterations", default=150, help="largest number of iterations for each demonstration")
     parser.add_number("--episodes", help="largest number of training episodes (default: the method's)")
-    add_material(parser, "the rehearsal's")
+    parser.add_material("the rehearsal's", "material of the grains")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="friction", help="tool welded to the hand, or "
-                        "held by the fingers alone (default: friction)")
+                        "held by the fingers alone")
     parser.add_number("--perturb", metavar="N", help="also run the whole arm's motion N times with errors of the "
                       "robot's model; with --launch on a cluster")
     parser.add_launcher()
-    parser.add_number("--jobs", default=1, help="number of sub-tasks at the same time (default: 1)")
+    parser.add_number("--jobs", default=1, help="number of sub-tasks at the same time")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
     parser.set_defaults(run=run, after_interrupt="finished steps are kept; the same command continues")
@@ -51,7 +46,6 @@ def run(options: argparse.Namespace) -> int:
     if options.rehearsal not in config_names("rehearsals"):
         raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(config_names('rehearsals'))}")
     config_path("training", options.method, "method")
-    check_material(options.material)
     options.settings.check("rehearsals", options.rehearsal)
     if options.find_launcher(options) is not None and options.perturb is None:  # before anything is trained
         raise mpm.InvalidValue(f"--launch {options.launch} without --perturb; accepted: with it")

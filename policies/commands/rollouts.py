@@ -1,11 +1,10 @@
 """`robosim rollouts`: rollouts of the simulator from which a graph network learns."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
-from policies.commands.arguments import add_action_repeat, add_material, add_task
-from policies.learning.names import check_material, check_task
+from policies.commands.arguments import add_action_repeat, add_task
+from policies.learning.names import check_task
 
 EXAMPLE = """examples:
   robosim rollouts SpoonPour --episodes 200 --jobs 2 --out out/rollouts/SpoonPour
@@ -18,13 +17,12 @@ def add_parser(commands: Any) -> None:
                                  description="Simulate a sub-task with random starts and motions, and write the "
                                  "positions of grains and tool at every action.")
     add_task(parser)
-    parser.add_argument("--out", type=Path, required=True, help="folder of the rollouts; those that are there are not "
-                        "repeated")
-    parser.add_number("--episodes", default=200, help="number of rollouts (default: 200)")
-    add_material(parser, "the task's")
+    parser.add_out("the rollouts; those that are there are not repeated")
+    parser.add_number("--episodes", default=200, help="number of rollouts")
+    parser.add_material(what="material of the grains")
     add_action_repeat(parser, "; one frame each")
-    parser.add_number("--seed", default=0, help="random seed of starts and motions (default: 0)")
-    parser.add_number("--jobs", default=1, help="number of rollouts at the same time (default: 1)")
+    parser.add_number("--seed", default=0, help="random seed of starts and motions")
+    parser.add_number("--jobs", default=1, help="number of rollouts at the same time")
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run, after_interrupt="finished rollouts are kept; the same command continues")
 
@@ -32,7 +30,6 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the names, then make the rollouts."""
     check_task(options.task)
-    check_material(options.material)
     with options.settings.changed("tasks", options.task, options.out) as task:
         from policies.dynamics.rollouts import make_rollouts
 

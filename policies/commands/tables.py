@@ -17,7 +17,7 @@ def add_parser(commands: Any) -> None:
                                  description="Tabulate the results of finished training runs, method by method, beside "
                                  "published numbers.")
     parser.add_argument("runs", type=Path, nargs="+", help="folders that contain runs, or a tables.json")
-    parser.add_argument("--out", type=Path, help="folder for index.html, tables.json, tables.csv and curves.png")
+    parser.add_out("index.html, tables.json, tables.csv and curves.png", is_required=False)
     parser.add_argument("--mixed", action="store_true", help="show means over runs that differ, with a note, where "
                         "they would be refused")
     parser.add_argument("--check", action="store_true", help="only name the rows that are older than the code that "

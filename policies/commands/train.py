@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from policies.commands.arguments import add_action_repeat, add_material, add_task, take_options
-from policies.learning.names import check_material, check_trainable
+from policies.commands.arguments import add_action_repeat, add_task, take_options
+from policies.learning.names import check_trainable
 from policies.learning.options import TrainingOptions
 from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
@@ -22,23 +22,22 @@ def add_parser(commands: Any) -> None:
                                  description="Train a policy on a sub-task with one of the methods.")
     parser.add_argument("method", help=one_of(config_names("training")))
     add_task(parser, "a task's .yaml file; or an id of Gymnasium, such as Pendulum-v1")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the run; an interrupted run continues with "
-                        "the same command")
-    parser.add_number("--seed", default=0, help="random seed (default: 0)")
+    parser.add_out("the run; an interrupted run continues with the same command")
+    parser.add_number("--seed", default=0, help="random seed")
     parser.add_argument("--demos", type=Path, help="folder with demonstration_*.npz, or one .npz file with `actions`")
     parser.add_argument("--rollouts", type=Path, help="folder of `robosim rollouts`, for methods with a graph network")
     parser.add_number("--episodes", help="largest number of episodes (default: the method's)")
-    add_material(parser, "the task's")
+    parser.add_material(what="material of the grains")
     parser.add_argument("--starts", choices=["nominal", "random"], default="nominal", help="start of the episodes: the "
-                        "task's nominal start, or random within its ranges (default: nominal)")
+                        "task's nominal start, or random within its ranges")
     add_action_repeat(parser)
     parser.add_argument("--obs", help="layout of the observation (default: the method's)")
     parser.add_number("--checkpoint-every", default=10, metavar="N", help="write a checkpoint after every N episodes; "
-                      "an interrupted run writes its last one (default: 10)")
+                      "an interrupted run writes its last one")
     parser.add_number("--evaluate-every", default=10, metavar="N", help="evaluate the policy without exploration after "
-                      "every N episodes; the best one is kept (default: 10)")
+                      "every N episodes; the best one is kept")
     parser.add_number("--n-envs", default=1, metavar="N", help="sub-tasks that are simulated together, with as many "
-                      "updates a transition as for one alone (default: 1)")
+                      "updates a transition as for one alone")
     parser.add_argument("--label", help="name of the run's line in `robosim tables`, for a method with changes "
                         "(default: the method)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
@@ -50,7 +49,6 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then train."""
     config_path("training", options.method, "method")
     check_trainable(options.task)
-    check_material(options.material)
     from policies.methods.train import train
     from policies.results.run_page import write_own_page
 

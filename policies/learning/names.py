@@ -37,12 +37,6 @@ def check_trainable(task: str) -> None:
                           "as Pendulum-v1") from None
 
 
-def check_material(name: str | None) -> None:
-    """Raise robosim.ConfigError unless a material is None, a bundled one, or an existing .yaml file."""
-    if name is not None:
-        config_path("materials", name, "material")
-
-
 def check_installed() -> None:
     """Raise mpm.InvalidValue where a module of the extra `learn` is missing."""
     needed = ("torch", "stable_baselines3", "sb3_contrib", "tensorboard", "cma")

@@ -4,11 +4,15 @@ What a file says about itself (lengths, shapes, references) is compared with wha
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mpm.errors import InvalidValue
 from mpm.files import quote
+from robosim.base.errors import ConfigError
 
 MAX_TEXT = 256 * 1024
 """Bytes of a configuration file: 40 times the largest bundled one. YAML is read at about 0.1 MB/s."""
@@ -41,6 +45,35 @@ def read_text(path: Path, most: int = MAX_TEXT) -> str:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InvalidValue(f"{path}: byte {error.start} is not UTF-8; accepted: text in UTF-8") from None
+
+
+def read_rows(path: Path, most: int, place: object) -> list[list[str]]:
+    """Read the rows of a .csv file, names first. place: for messages. Raises ConfigError where it cannot be read."""
+    try:
+        lines = read_text(path, most).splitlines() or [""]
+    except (OSError, InvalidValue) as error:
+        raise ConfigError(f"{place}: cannot be read: {str(error).removeprefix(f'{path}: ')}") from None
+    return [[cell.strip().strip('"') for cell in line.split(",")] for line in lines]
+
+
+def to_numbers(rows: list[list[str]], names: Sequence[str], place: object, may_miss: str = "") -> np.ndarray:
+    """Return the numbers (n, names) of columns of `read_rows`; empty rows are left out, place: for messages.
+
+    may_miss: a column with empty cells, which are NaN. Raises ConfigError where a column or a number is missing."""
+    head, values = rows[0], []
+    for name in names:
+        if name not in head:
+            raise ConfigError(f"{place}: no column {name} among {', '.join(head)[:200]}; accepted: a file with "
+                              f"{', '.join(names)}, named in the first line")
+    places = [(name, head.index(name)) for name in names]
+    for number, row in enumerate(rows[1:], 2):
+        for name, k in places if any(row) else ():
+            cell = row[k] if k < len(row) else ""
+            try:
+                values.append(float(cell) if cell or name != may_miss else math.nan)
+            except ValueError:
+                raise ConfigError(f"{place}: line {number}: {name} = {quote(cell)}; accepted: a number") from None
+    return np.array(values).reshape(-1, len(names))
 
 
 def read_json(path: Path) -> Any:

@@ -145,9 +145,9 @@ class CommandParser(argparse.ArgumentParser):
             more["help"] += " (default: %(default)s)"
         return super().add_argument(*names, **more)
 
-    def add_material(self, default: str = "the task's") -> None:
-        """Add the option `--material`, whose value `robosim` checks; default: in words."""
-        self.add_argument("--material", help=f"material: {one_of(config_names('materials'))} (default: {default})")
+    def add_material(self, default: str = "the task's", what: str = "material") -> None:
+        """Add the option `--material`, whose value `robosim` checks; default, what: in words."""
+        self.add_argument("--material", help=f"{what}: {one_of(config_names('materials'))} (default: {default})")
 
     def add_out(self, files: str, is_required: bool = True) -> None:
         """Add the option `--out`: a folder for some files."""

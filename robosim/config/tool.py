@@ -1,14 +1,12 @@
 """Configuration of a tool, bundled or of one's own: meshes and what they do not say."""
 
 from functools import lru_cache
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pydantic
 from pydantic import Field
 
-from robosim.base.errors import UnknownName
-from robosim.base.resources import folder, tool_names
+from robosim.base.resources import part_path, tool_names
 from robosim.config.bounds import MAX_ENTRIES, FilePath, Intensity, Length
 from robosim.config.scene import RegionConfig
 from robosim.config.table import Table, Vector3, load
@@ -134,10 +132,7 @@ def read_tool_file(given: Any) -> Any:
     """Return the table of a tool's .yaml file, anything else as it is; raises ConfigError, ValueError."""
     if not isinstance(given, str) or not given.endswith((".yaml", ".yml")):
         return given
-    if not Path(given).is_file():
-        raise ValueError(f"{given}: no such file; accepted: a .yaml file of your own, or one of "
-                         f"{', '.join(tool_names())}")
-    return load(Path(given), ToolConfig)
+    return load(part_path("tools", given, "tool"), ToolConfig)
 
 
 def check_tool(tool: str | ToolConfig) -> str | ToolConfig:
@@ -155,9 +150,7 @@ def name_tool(tool: str | ToolConfig) -> str:
 @lru_cache
 def load_bundled(name: str) -> ToolConfig:
     """Load the configuration of a tool of models/tools; raises UnknownName."""
-    if name not in tool_names():
-        raise UnknownName("tool", name, tool_names(), "or the path of a .yaml file of your own")
-    return load(folder("models") / "tools" / name / f"{name}.yaml", ToolConfig)
+    return load(part_path("tools", name, "tool"), ToolConfig)
 
 
 Tool = Annotated[FilePath | ToolConfig, pydantic.BeforeValidator(read_tool_file), pydantic.AfterValidator(check_tool)]

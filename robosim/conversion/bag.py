@@ -11,11 +11,11 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from mpm.files import temporary_path
 from robosim.base.errors import ConfigError
-from robosim.base.input_files import read_text
+from robosim.base.input_files import read_rows, read_text, to_numbers
 from robosim.base.progress import Progress
 from robosim.config.settings import parse_yaml
 from robosim.conversion import messages
-from robosim.conversion.joint_log import AXES, read_rows, to_numbers
+from robosim.conversion.joint_log import AXES, MOST_BYTES
 from robosim.conversion.messages import STORE
 from robosim.recordings.reader import Recording, find_recordings
 
@@ -84,11 +84,11 @@ def collect(run: Path, recording: Recording) -> Iterator[Message]:
 
 
 def _joints(path: Path) -> Iterator[Message]:
-    rows = read_rows(path)
+    rows = read_rows(path, MOST_BYTES, path)
     names = [name.removeprefix("q_").removesuffix("_rad") for name in rows[0] if name.startswith("q_")]
     columns = [form.format(name) for form in ("q_{}_rad", "qd_{}_rad_s", "sensed_torque_{}_Nm") for name in names]
     n = len(names)
-    for time, *values in to_numbers(path, rows, ["time_s", *columns, *(f"wrist_{axis}" for axis in AXES)]).tolist():
+    for time, *values in to_numbers(rows, ["time_s", *columns, *(f"wrist_{axis}" for axis in AXES)], path).tolist():
         q, qd, torque, wrist = np.split(values, [n, 2 * n, 3 * n])
         yield Message("/joint_states", time, messages.joint_state(time, names, q, qd, torque))
         yield Message("/wrist/wrench", time, messages.wrench(time, WORLD, wrist))

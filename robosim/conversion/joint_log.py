@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robosim.base.errors import ConfigError
-from robosim.base.input_files import read_text
+from robosim.base.input_files import read_rows, to_numbers
 
 AXES = ("fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm")
 WRENCHES = {"wrist": "world", "sensor": "sensor"}
@@ -57,36 +57,11 @@ def read_joint_log(path: Path, joints: Sequence[str], base: str = "world") -> Jo
     return log
 
 
-def read_rows(path: Path) -> list[list[str]]:
-    """Return the rows of a CSV file, the names of its columns first. Raises ConfigError where it cannot be read."""
-    try:
-        return [[word.strip() for word in line.split(",")] for line in read_text(path, MOST_BYTES).splitlines() or [""]]
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: cannot be read: {str(error).removeprefix(f'{path}: ')}") from None
-
-
-def to_numbers(path: Path, rows: list[list[str]], names: Sequence[str]) -> np.ndarray:
-    """Return the numbers (n, names) of columns; empty rows are left out. Raises ConfigError where one is missing."""
-    columns, values = rows[0], []
-    for name in names:
-        if name not in columns:
-            raise ConfigError(f"{path}: no column {name} among {', '.join(columns)}; accepted: a file with "
-                              f"{', '.join(names)}")
-    chosen = [columns.index(name) for name in names]
-    for number, row in enumerate(rows[1:], 2):
-        try:
-            if row != [""]:
-                values.append([float(row[k]) for k in chosen])
-        except (ValueError, IndexError) as error:
-            raise ConfigError(f"{path}: row {number}: {error}; accepted: {len(columns)} numbers") from None
-    return np.array(values).reshape(-1, len(names))
-
-
 def _read_csv(path: Path, joints: Sequence[str]) -> JointLog:
-    rows = read_rows(path)
+    rows = read_rows(path, MOST_BYTES, path)
     wrench = next((word for word in WRENCHES if all(f"{word}_{axis}" in rows[0] for axis in AXES)), None)
-    table = to_numbers(path, rows, ["time_s", *(f"q_{joint}_rad" for joint in joints),
-                                    *(f"{wrench}_{axis}" for axis in (AXES if wrench else ()))])
+    table = to_numbers(rows, ["time_s", *(f"q_{joint}_rad" for joint in joints),
+                              *(f"{wrench}_{axis}" for axis in (AXES if wrench else ()))], path)
     n = 1 + len(joints)
     readings = None if wrench is None else Samples(table[:, 0], table[:, n:])
     return JointLog(path, Samples(table[:, 0], table[:, 1:n]), readings, WRENCHES[wrench or "wrist"])

@@ -242,15 +242,10 @@ class TaskConfig(SceneConfig):
         return self
 
 
-def task_names() -> list[str]:
-    """Return the names of the bundled sub-tasks: SpoonScoop and so on."""
-    return config_names("tasks")
-
-
 def is_task(scene: str) -> bool:
     """Return whether a scene is a sub-task's name or file, which has the key `step_dt`, as rehearsals do not."""
-    if scene in task_names() or not Path(scene).is_file():
-        return scene in task_names()
+    if scene in config_names("tasks") or not Path(scene).is_file():
+        return scene in config_names("tasks")
     data = read(Path(scene))
     return isinstance(data, dict) and "step_dt" in data
 

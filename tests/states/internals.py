@@ -2,16 +2,12 @@
 
 When a change renames what is used here, adapt this file alone: try the new place first, then the old one."""
 
-from importlib import import_module
-from inspect import signature
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from keep import Keep
 
 import mpm
-import robosim
 
 WALL_TIMES = ("realtime_factor", "plan_time_s", "prepare_time_s", "record_time_s", "compile_time_s", "film_wait_time_s",
               "wall_time_s")
@@ -29,27 +25,18 @@ def solver_of(env: Any) -> mpm.Solver:
     return env.unwrapped.solver
 
 
-def evaluation_policies() -> Any:
-    """Return the module of the policies that are evaluated; up to 732b661 it was elsewhere."""
-    place = "robosim.studies.evaluation.policies"
-    return import_module(place if Path(robosim.__path__[0], "studies").is_dir() else place.replace("studies.", ""))
-
-
-def tool_wall() -> str:
-    """Return the key of a rehearsal's wall thickness of the tool; up to 732b661 it had another name."""
-    fields = robosim.RehearsalConfig.model_fields
-    return "tool_wall" if "tool_wall" in fields else "collision_thickness"
-
-
 def policy_action(env: Any, policy: str) -> Any:
     """Return a function that gives the next action of a task's scripted motion, or of a controller of doses."""
-    act = evaluation_policies().make_policy(policy, env.unwrapped, 0)
-    takes_observation = len(signature(act).parameters)  # up to 732b661 it asked the environment
-    return lambda: act(*[env.unwrapped.observation][:takes_observation])
+    from robosim.studies.evaluation.policies import make_policy
+
+    act = make_policy(policy, env.unwrapped, 0)
+    return lambda: act(env.unwrapped.observation)
 
 
 def dosing_terms() -> list[str]:
-    return evaluation_policies().training_options("pi")["obs"]
+    from robosim.studies.evaluation.dosing_policy import TERMS
+
+    return list(TERMS)
 
 
 def vector_solvers(env: Any) -> list[mpm.Solver]:
@@ -93,9 +80,8 @@ def run_begin(keep: Keep, plan: Any, steps: int) -> None:
     for index in range(steps):
         run.step(index)
     keep_solver(keep, run.solver)
-    data = run.cell.data if hasattr(run, "cell") else run.data  # as it was called up to 732b661
-    keep("qpos", data.qpos)
-    keep("qvel", data.qvel)
+    keep("qpos", run.cell.data.qpos)
+    keep("qvel", run.cell.data.qvel)
     for name in ("torque", "external_torque", "commanded", "reached", "wrist", "residual", "exchanged", "tool_force",
                  "tool_work"):
         keep(f"curves/{name}", run.readings.stack_steps(name))
@@ -113,5 +99,5 @@ def is_wall_time(line: str) -> bool:
 
 
 def set_volume(solver: mpm.Solver, index: int, volume: float) -> None:
-    """Set the volume [m^3] of the particles of a body; up to 732b661 it was a method of the solver itself."""
-    getattr(solver, "settings", solver).set_volume(index, volume)
+    """Set the volume [m^3] of the particles of a body."""
+    solver.settings.set_volume(index, volume)

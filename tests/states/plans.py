@@ -3,7 +3,7 @@
 from typing import Any
 
 from groups import case_of
-from internals import is_wall_time, keep_plan, rounded, run_begin, tool_wall
+from internals import is_wall_time, keep_plan, rounded, run_begin
 from keep import Keep
 
 import robosim
@@ -38,7 +38,7 @@ def dip(keep: Keep, **options: Any) -> None:
     down = waypoints["above"] | {"name": "dip", "position": (-0.03, 0.0, 0.06), "speed": 0.3, "stop": True,
                                  "dwell": 0.2}
     run(keep, "spoon", {"waypoints": [waypoints["start"], down, waypoints["home"]], "weigh_at": "dip",
-                        "grasp_time": 0.2, tool_wall(): 0.005}, **options)
+                        "grasp_time": 0.2, "tool_wall": 0.005}, **options)
 
 
 def dose(keep: Keep) -> None:

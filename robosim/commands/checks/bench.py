@@ -17,17 +17,16 @@ def add_parser(commands: Any) -> None:
                                  description="Measure the run time of parts of the simulation, each in its own "
                                  "process. Exit status 0 only if every part could be measured.")
     parser.add_argument("parts", nargs="*", metavar="PART",
-                        help="field alone, or any of coupling, kinematics, rendering, "
-                        "side_by_side (several environments at the same time), a sub-task such as SpoonPour, "
-                        "arm_SpoonPour with the whole arm, resets_alone_SpoonPour, resets_arm_... or resets_vector_... "
-                        "(default: all but field and resets)")
+                        help="field alone, or any of coupling, kinematics, rendering, side_by_side (several "
+                        "environments at the same time), a sub-task such as SpoonPour, arm_SpoonPour with the whole "
+                        "arm, resets_alone_SpoonPour, resets_arm_... or resets_vector_... (default: all but field and "
+                        "resets)")
     parser.add_number("--sizes", nargs="+", default=list(FIELD_SIZES), metavar="N",
                         help="field: number of grains (default: %(default)s)")
     parser.add_argument("--scenes", nargs="+", default=list(FIELD_SCENES), metavar="SCENE",
                         help=f"field: scenes, of {', '.join(FIELD_SCENES)} (default: all)")
     parser.add_argument("--yardsticks", type=Path,
-                        help="field: folder with reference scripts that are timed in the same "
-                        "run")
+                        help="field: folder with reference scripts that are timed in the same run")
     parser.add_number("--threads", default=1, help="field: number of CPU threads")
     parser.add_argument("--arch", choices=("cpu", "cuda"), default="cpu", help="field: processor (default: cpu)")
     parser.add_out("bench.json, or bench_field.json", is_required=False)

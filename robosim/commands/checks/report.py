@@ -18,12 +18,11 @@ def add_parser(commands: Any) -> None:
                                  "run time. Exit status 0 only if every error is in its accepted range.")
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(NAMES)}; or of the subjects "
                         f"{', '.join(GROUPS)}, for all of their cases (default: all)")
-    parser.add_out("index.html, report.json and rows/, a file "
-                        "for each run; runs that are finished there are not repeated")
+    parser.add_out("index.html, report.json and rows/, a file for each run; runs that are finished there are not "
+                   "repeated")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller runs of every case")
-    parser.add_number("--jobs", default=1,
-                        help="number of runs at the same time, each on its own core; "
-                        "measured run times are reliable with 1 only")
+    parser.add_number("--jobs", default=1, help="number of runs at the same time, each on its own core; measured run "
+                      "times are reliable with 1 only")
     parser.add_argument("--points", type=Path, help="JSON file with results of other codes for the column collapse")
     parser.add_argument("--yardsticks", type=Path, help="folder with reference_layout.py; it is timed, to convert run "
                         "times of other codes to this machine")

@@ -22,7 +22,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--to", choices=list(FORMATS), required=True,
                         help="; ".join(f"{name}: {text}" for name, text in FORMATS.items()))
     parser.add_number("--time", default=0.0, help="glb: time of the frame [s] (default: 0)")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the bag, or the .glb file")
+    parser.add_out("the bag, or the .glb file")
     parser.set_defaults(run=run)
 
 

@@ -36,10 +36,9 @@ def add_parser(commands: Any) -> None:
                         "file with columns as in trajectory.csv, or a bag of ROS with JointState and WrenchStamped")
     parser.add_argument("--grasp", choices=["weld", "friction"], help="tool welded to the hand, or held by the fingers "
                         "alone (default: what the file says)")
-    parser.add_argument("--camera", default="close",
-                        help=f"camera of the video: {one_of((*CAMERAS, FOLLOW), '')} (default: close)")
-    parser.add_argument("--colour", default="material", help="what the colour of the video's grains shows: "
-                        "the material, or which grains are awake (default: material)", choices=COLOURS)
+    parser.add_argument("--camera", default="close", help=f"camera of the video: {one_of((*CAMERAS, FOLLOW), '')}")
+    parser.add_argument("--colour", default="material", choices=COLOURS,
+                        help="what the colour of the video's grains shows: the material, or which grains are awake")
     parser.add_number("--frame-rate", default=20, help="frames of recording and video per second")
     parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9")
     parser.add_number("--poster", help="also make poster.png, a still in 1080p, at this time [s]")

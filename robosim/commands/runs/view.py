@@ -6,7 +6,6 @@ from typing import Any
 
 from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names, config_path
-from robosim.commands.arguments import one_of
 
 EXAMPLE = """examples:
   robosim view out/sugar
@@ -26,12 +25,10 @@ def add_parser(commands: Any) -> None:
                         "rehearsal or a task")
     parser.add_argument("--plan", action="store_true", help="show the planned motion of a rehearsal, without grains; "
                         "waypoints can be dragged and saved back to its file")
-    parser.add_argument("--material", help="material of a rehearsal that is begun: " +
-                        one_of(config_names("materials"), "or a .yaml file") + " (default: the rehearsal's)")
-    parser.add_argument("--out", type=Path, help="folder of the results of a rehearsal that is begun (default: a "
-                        "temporary one, which is removed at the end)")
-    parser.add_number("--port", default=PORT, help=f"port that the page is served at, to this machine alone "
-                      f"(default: {PORT})")
+    parser.add_material("the rehearsal's", "material of a rehearsal that is begun")
+    parser.add_out("the results of a rehearsal that is begun (default: a temporary one, which is removed at the end)",
+                   is_required=False)
+    parser.add_number("--port", default=PORT, help="port that the page is served at, to this machine alone")
     parser.add_settings("rehearsal's file", "field.cell=0.004")
     parser.set_defaults(run=run, after_interrupt="")
 

@@ -4,13 +4,12 @@ from pathlib import Path
 from typing import Any
 
 from robosim.base.digests import code_digest
-from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_text
 from robosim.base.output_folder import OutputFolder
-from robosim.base.resources import config_names, config_path
+from robosim.base.resources import config_path
 from robosim.base.study import Job, Study
 from robosim.config.table import read
-from robosim.envs import BUNDLED
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
 from robosim.studies.benchmarks.scene_run import FRACTIONS
@@ -37,10 +36,7 @@ def explain(scene: str, *, tolerance: float | None = None, out: Path | None = No
     tolerance: largest error of the worst reading against the finest setting. out: folder for index.html and
     explain.json. apply: write the scene's file with the cheapest setting into it. jobs: settings at a time.
     Returns 0, or 1 where no setting within the tolerance is cheaper than the scene's own.
-    Raises UnknownName for a scene that does not exist, ConfigError for options that do not fit or a scene that fails.
-    """
-    if scene not in BUNDLED and scene not in config_names("rehearsals") and not Path(scene).is_file():
-        raise UnknownName("scene", scene, [*BUNDLED, *config_names("rehearsals")], "or the .yaml file of one")
+    Raises ConfigError for options that do not fit or a scene that fails."""
     if tolerance is not None and not 0 < tolerance < 1:
         raise ConfigError(f"--tolerance {tolerance}; accepted: above 0, below 1")
     if apply and (tolerance is None or out is None):

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.lib.format import open_memmap
 
 from mpm.array_files import BROKEN, MAX_ARRAYS, MAX_HEADER
-from mpm.errors import InvalidValue
 from robosim.base.errors import ConfigError
-from robosim.base.input_files import read_bytes, read_text
+from robosim.base.input_files import read_bytes, read_rows, to_numbers
 from robosim.studies.calibration.measurements import HeapExperiment, PourExperiment
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -129,8 +128,8 @@ def find_edge(name: str, heap: HeapExperiment, heights: np.ndarray, counts: np.n
 def read_curve(name: str, pour: PourExperiment) -> Curve:
     """Read masses over time; raises ConfigError for times that do not rise and for masses that fall."""
     path, place = Path(pour.data), f"experiments.{name}: {pour.data}"
-    columns = _read_columns(place, path, ("t", "m"))
-    times, masses = columns["t"], columns["m"] * KILOGRAMS[pour.unit]
+    times, masses = _read_columns(place, path, ("t", "m"))
+    masses = masses * KILOGRAMS[pour.unit]
     if len(times) < 4:
         raise ConfigError(f"{place}: {len(times)} readings; accepted: 4 or more")
     if not (np.diff(times) > 0).all():
@@ -191,39 +190,23 @@ def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
 
 def _read_profile(place: str, path: Path, heap: HeapExperiment) -> HeapData:
     """Read a profile through the axis: columns r and z; points without a height are holes."""
-    columns = _read_columns(place, path, ("r", "z"), may_miss="z")
+    places, heights = METRES[heap.unit] * _read_columns(place, path, ("r", "z"), may_miss="z")
     origin = heap.centre[0] if heap.centre is not None else 0.0
-    distances = np.abs(columns["r"] - origin) * METRES[heap.unit]
-    heights = columns["z"] * METRES[heap.unit]
+    distances = np.abs(places - origin * METRES[heap.unit])
     valid = _check_heights(place, heap, heights, "points", 100.0)
     return distances[valid], heights[valid]
 
 
-def _read_columns(place: str, path: Path, names: tuple[str, str], may_miss: str = "") -> dict[str, np.ndarray]:
-    """Read the named columns of a .csv file; a cell of `may_miss` may be empty, and is NaN then."""
-    try:
-        text = read_text(path, MAX_ARRAYS)
-    except (OSError, InvalidValue) as error:
-        raise ConfigError(f"{place}: cannot be read: {error}") from None
-    rows = [[cell.strip().strip('"') for cell in line.split(",")] for line in text.splitlines()]
-    head = rows[0] if rows else []
-    if any(name not in head for name in names):
-        raise ConfigError(f"{place}: has columns {', '.join(head)[:200]}; accepted: {' and '.join(names)}, named in "
-                          f"the first line")
-    found: dict[str, list[float]] = {name: [] for name in names}
-    for number, row in enumerate(rows[1:], 2):
-        for name in names if any(row) else ():
-            cell = row[head.index(name)] if head.index(name) < len(row) else ""
-            try:
-                value = float(cell) if cell or name != may_miss else math.nan
-                if not math.isfinite(value) and name != may_miss:
-                    raise ValueError
-            except ValueError:
-                raise ConfigError(f"{place}: line {number}: {name} = {cell[:40]!r}; accepted: a number") from None
-            found[name].append(value)
-    if not found[names[0]]:
+def _read_columns(place: str, path: Path, names: tuple[str, str], may_miss: str = "") -> np.ndarray:
+    """Return the named columns (2, n) of a .csv file; a cell of `may_miss` may be empty, and is NaN then."""
+    columns = to_numbers(read_rows(path, MAX_ARRAYS, place), names, place, may_miss).T
+    for name, values in zip(names, columns):
+        if name != may_miss and not np.isfinite(values).all():
+            raise ConfigError(f"{place}: {name} of reading {int(np.argmin(np.isfinite(values))) + 1} is not finite; "
+                              f"accepted: a number")
+    if not columns.size:
         raise ConfigError(f"{place}: has no line of numbers")
-    return {name: np.array(values) for name, values in found.items()}
+    return columns
 
 
 def _check_heights(place: str, heap: HeapExperiment, heights: np.ndarray, what: str, percentile: float) -> np.ndarray:

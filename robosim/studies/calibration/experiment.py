@@ -26,6 +26,7 @@ from robosim.studies.calibration.measurements import (
     TiltExperiment,
 )
 from robosim.studies.columns import rim
+from robosim.studies.verification.cases.beds import shear_ratio
 
 HEAP_ERROR = 0.25
 """Error of a simulated height in cells, unless `model_error` says otherwise: heaps of a column of sugar, 80 mm wide and
@@ -124,12 +125,6 @@ def _pour_trial(measurements: Measurements, name: str, pour: PourExperiment, cur
 
     return Trial(name, "pour", curve.masses, np.full(len(curve.masses), np.hypot(pour.noise, model)), simulate, False,
                  pour.held_out, curve.times, "time [s]", "kg")
-
-
-def shear_ratio(friction_angle_deg: float) -> float:
-    """Return the ratio of shear stress to pressure in steady simple shear of a cone of triaxial compression [-]."""
-    sine = math.sin(math.radians(friction_angle_deg))
-    return 2.0 * math.sqrt(3.0) * sine / (3.0 - sine)
 
 
 def shear_strength(normal_stress: float, friction_angle_deg: float, cohesion: float) -> float:

@@ -14,6 +14,7 @@ import mpm
 from robosim.config.materials import Law, MaterialConfig
 from robosim.studies.calibration.measurements import HeapExperiment, PourExperiment
 from robosim.studies.columns import fill_column, rim
+from robosim.studies.verification.cases.beds import courant_step
 
 G = 9.81
 LIP_CELLS, STEP = 2.0, 0.02
@@ -62,9 +63,7 @@ def make_column(heap: HeapExperiment, law: Law, floor_friction: float, seed: int
 
 def stable_step(law: Law, cell: float) -> float | None:
     """Return the substep [s] of a solid; None, the solver's own choice, for a fluid."""
-    if isinstance(law, mpm.NewtonianFluid):
-        return None
-    return 0.5 * cell / math.sqrt((law.lam + 2 * law.mu) / law.density)
+    return None if isinstance(law, mpm.NewtonianFluid) else courant_step(0.5, cell, law)
 
 
 def cylinder_pose(heap: HeapExperiment, risen: float) -> mpm.Pose:

@@ -13,6 +13,7 @@ from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import DosingNumbers, check_tool, load_dosing
 from robosim.envs.grain_env import GrainEnv
 from robosim.shapes import tool_shape
+from robosim.tasks.sections import DosingConfig, VibrationConfig
 from robosim.tasks.task import TaskConfig
 
 TERMS = ("tool", "goal", "time", "scale", "target")
@@ -40,11 +41,14 @@ def check_numbers(numbers: DosingNumbers, task: TaskConfig, name: str) -> Dosing
     return numbers
 
 
-def check_receiver(task: TaskConfig, name: str) -> None:
-    """Raise ConfigError for a task without a receiver; name: of the task, for messages."""
+def check_dosing(task: TaskConfig, name: str) -> tuple[DosingConfig, VibrationConfig]:
+    """Return a task's dose and vibration; raise ConfigError without them or a receiver. name: the task's, in words."""
+    if task.dose is None or task.action.vibration is None:
+        raise ConfigError(f"{name}: no section dose, or no action.vibration; accepted: dosing tasks")
     if task.receiver is None:
         raise ConfigError(f"{name}: no empty container, whose balance dosing controllers read; accepted: dosing tasks "
                           f"that pour into a receiver, as DoseSpoon does")
+    return task.dose, task.action.vibration
 
 
 class ToolView:
@@ -56,14 +60,11 @@ class ToolView:
 
     def __init__(self, env: GrainEnv) -> None:
         task, spaces = env.task, getattr(env.observation_space, "spaces", {})
-        if task.dose is None or task.action.vibration is None:
-            raise ConfigError(f"{env.TASK or 'task'}: no section dose, or no action.vibration; accepted: dosing tasks")
-        check_receiver(task, env.TASK or "task")
+        self.dose, self.vibration = check_dosing(task, env.TASK or "task")
         if missing := [term for term in TERMS if term not in spaces]:
             raise ConfigError(f"obs: {', '.join(missing)} missing; accepted for dosing controllers: obs={list(TERMS)}")
-        self._action, self._vibration = task.action, task.action.vibration
-        self._duration = task.steps * task.step_dt
-        level = task.start.pitch_deg if task.dose.level_pitch_deg is None else task.dose.level_pitch_deg
+        self._action, self._duration = task.action, task.steps * task.step_dt
+        level = task.start.pitch_deg if self.dose.level_pitch_deg is None else self.dose.level_pitch_deg
         lip = tool_shape(task.tool).lip
         if lip is None:
             raise ConfigError(f"tool {task.tool_name!r}: its pouring edge is not known; accepted: a tool with lip, "
@@ -94,8 +95,8 @@ class ToolView:
         linear = command.velocity + np.cross(angular, self._origin - sight.lip)
         motion = np.concatenate([linear / self._action.speed, angular / self._action.angular_speed])
         motion /= max(1.0, float(np.abs(motion).max()))  # slower, but along the same way
-        low, high = self._vibration.frequency
-        shaking = [2.0 * command.amplitude / self._vibration.amplitude - 1.0,
+        low, high = self.vibration.frequency
+        shaking = [2.0 * command.amplitude / self.vibration.amplitude - 1.0,
                    2.0 * (command.frequency - low) / (high - low) - 1.0 if high > low else 0.0]
         return np.clip(np.concatenate([motion, shaking]), -1.0, 1.0).astype(np.float32)
 
@@ -107,10 +108,9 @@ class DosingPolicy:
     numbers whose vibration is beyond the task's, and as `check_numbers`."""
 
     def __init__(self, name: str, env: GrainEnv, numbers: DosingNumbers | None = None) -> None:
-        self._env, self._view = env, ToolView(env)
-        where, vibration = f"policy {name!r}", env.task.action.vibration
+        self._view = ToolView(env)
+        where, vibration = f"policy {name!r}", self._view.vibration
         numbers = numbers_of(env.task, where) if numbers is None else check_numbers(numbers, env.task, where)
-        assert vibration is not None
         low, high = vibration.frequency
         if not low <= numbers.vibration.frequency <= high or numbers.vibration.amplitude > vibration.amplitude:
             raise ConfigError(f"policy {name!r}: vibration of {numbers.vibration.amplitude} m at "
@@ -124,8 +124,7 @@ class DosingPolicy:
         """Return the next action (8,)."""
         sight = self._view.look(observation)
         if self.command is None:
-            dose = self._env.task.dose
-            assert dose is not None
+            dose = self._view.dose
             self._controller.start(sight.target, accepted_error(sight.target, dose.tolerance_percent, dose.tolerance_g))
         self.command = self._controller.command(sight)
         return self._view.act(sight, self.command)

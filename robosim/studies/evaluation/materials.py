@@ -7,6 +7,7 @@ from typing import Any
 from mpm.array_files import MAX_ARRAYS
 from robosim.base.digests import digest
 from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.files import write_rows
 from robosim.base.input_files import read_bytes
 from robosim.base.jobs import Launcher
 from robosim.base.output_folder import OutputFolder
@@ -20,7 +21,7 @@ from robosim.studies.evaluation.dosing_policy import numbers_of
 from robosim.studies.evaluation.material_episode import OWN
 from robosim.studies.evaluation.page import make_materials_page
 from robosim.studies.evaluation.policies import bundled_motion, load_policy
-from robosim.studies.evaluation.tables import Rows, draw_map, format_table, make_rows, write_csv
+from robosim.studies.evaluation.tables import Rows, draw_map, format_table, make_rows
 from robosim.tasks.task import load_task
 
 
@@ -92,7 +93,7 @@ def write_tables(folder: OutputFolder, name: str, rows_by_task: dict[str, Rows])
     rows: list[dict[str, Any]] = [{"task": task, "material": material, **values} for task in tasks
                                   for material, values in rows_by_task[task].items()]
     folder.write_json("materials.json", {"policy": name, "rows": rows})
-    folder.write("materials.csv", lambda path: write_csv(path, rows))
+    write_rows(folder.path / "materials.csv", rows)
     picture = folder.write("materials.png", lambda path: draw_map(path, tasks, rows_by_task)).read_bytes()
     folder.write_text("index.html", make_materials_page(name, rows, picture).html())
     print(format_table(tasks, rows_by_task))

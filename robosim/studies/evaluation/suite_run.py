@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robosim.base.errors import ConfigError
+from robosim.base.files import write_rows
 from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.progress import Progress
 from robosim.base.provenance import provenance
@@ -20,7 +21,6 @@ from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.page import make_suite_page
 from robosim.studies.evaluation.policies import bundled_motion, check_task, load_policy, make_policy, training_options
 from robosim.studies.evaluation.suites import begin_episode, make_environment, plan_starts
-from robosim.studies.evaluation.tables import write_csv
 from robosim.tasks.task import TaskConfig, load_task
 
 COMPARED = ("learned", "scripted", "zero")
@@ -68,7 +68,7 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
                                  "diverged": info.get("diverged") or ""})
                     progress.update()
                     rows.sort(key=lambda row: (list(files).index(row["policy"]), row["episode"]))
-                    folder.write("evaluation.csv", lambda path: write_csv(path, rows))
+                    write_rows(folder.path / "evaluation.csv", rows)
                 env.close()
                 folder.write_json("evaluation.json", {
                     "task": task, "policy": name, "suite": suite, "made_by": provenance(),

@@ -1,6 +1,5 @@
 """Tables of episodes; table and picture of one motion among many materials."""
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +27,6 @@ def make_rows(episodes: Rows) -> Rows:
         rows[label] = {"score": episodes[label]["score"], "td_mm": None if deviation is None else 1e3 * deviation,
                        **{key: episodes[label][key] for key in READINGS}, "diverged": episodes[label]["diverged"]}
     return rows
-
-
-def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a line a row; one has not all of the columns."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
-        table.writeheader()
-        table.writerows(rows)
 
 
 def format_table(tasks: list[str], rows_by_task: dict[str, Rows]) -> str:

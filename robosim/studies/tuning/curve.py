@@ -18,7 +18,7 @@ from robosim.dosing.pour_curve import FIRST_SHARE, PourCurve
 from robosim.envs import task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import continue_episode
-from robosim.studies.evaluation.dosing_policy import TERMS, ToolView, check_receiver, numbers_of
+from robosim.studies.evaluation.dosing_policy import TERMS, ToolView, check_dosing, numbers_of
 from robosim.studies.evaluation.suites import Start, make_environment
 from robosim.tasks.task import TaskConfig, load_task
 
@@ -75,12 +75,9 @@ def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:
     """Return a task's numbers, or those that controllers begin with where it names none.
 
     Raises ConfigError for a task that does not dose, or not into a receiver."""
-    if config.dose is None or config.action.vibration is None:
-        raise ConfigError(f"{task}: has no dose or no action.vibration; accepted: dosing tasks")
-    check_receiver(config, task)
-    if config.dose.controllers is not None:
+    dose, vibration = check_dosing(config, task)
+    if dose.controllers is not None:
         return numbers_of(config, "pour curve")
-    vibration = config.action.vibration
     nothing = PourCurve(material=config.material, load=1e-3, rate_deg=1.0, tilts_deg=(0.0, 90.0), masses=(0.0, 1e-3),
                         source="not measured yet")
     motion = MotionNumbers(duration=min(MotionNumbers().duration, config.steps * config.step_dt))

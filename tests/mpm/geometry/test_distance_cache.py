@@ -1,6 +1,5 @@
 """Lattices of distances that were computed before: the same, read from a file that may be damaged or missing."""
 
-import ast
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import trimesh
 from scipy.ndimage import map_coordinates
 
 import mpm
-from mpm.files import syntax_of
 from mpm.geometry import distance_cache, sdf
 
 
@@ -75,12 +73,6 @@ def test_an_empty_name_keeps_nothing_and_other_code_finds_nothing(counted: list,
     monkeypatch.setenv("MPM_CACHE", "")
     lattice()
     assert len(counted) == 3 and len(list((tmp_path / "cache" / "distances").glob("*"))) == 2
-
-
-def test_a_reworded_docstring_leaves_the_code_as_it_is() -> None:
-    syntax = [ast.dump(syntax_of(f'X = 1\n"""{text}"""\ndef f():\n    """{text}"""\n    return {value}  # {text}'))
-              for text, value in (("a", 1), ("b", 1), ("a", 2))]
-    assert syntax[0] == syntax[1] != syntax[2]
 
 
 def test_old_lattices_make_room(counted: list, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,6 @@
 """The commands of learning name what they accept, and hand their options on."""
 
 import inspect
-from pathlib import Path
 
 import pytest
 
@@ -43,10 +42,3 @@ def test_options_are_handed_on_as_the_function_takes_them(arguments: list[str], 
         default = inspect.signature(function).parameters[key].default
         if default is not inspect.Parameter.empty and key not in ("jobs", "change", "page"):
             assert value == default, key
-
-
-def test_a_task_or_method_file_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["demo", str(tmp_path / "mine.yaml"), "--out", str(tmp_path)]) == 2
-    assert "mine.yaml: no such file" in capsys.readouterr().err
-    assert main(["train", "mine.yaml", "SpoonPour", "--out", str(tmp_path)]) == 2
-    assert "method mine.yaml: no such file; accepted: a .yaml file of your own, or one of " in capsys.readouterr().err

@@ -41,6 +41,14 @@ WRONG = {
     "a task to learn": (["train", "sac", "SpoonPuor", "--out", "x"], "unknown task 'SpoonPuor'; valid: Bottle"),
     "a task to show": (["demo", "SpoonPuor", "--out", "x"], "unknown task 'SpoonPuor'; valid: Bottle"),
     "a pipeline": (["pipeline", "ladle", "--out", "x"], "rehearsal 'ladle'; accepted: bottle"),
+    "a task of materials": (["materials", "Nothing", "--out", "x"], "unknown task 'Nothing'; valid: Bottle"),
+    "a policy of materials": (["materials", "SpoonPour", "--policy", "best", "--out", "x"], "unknown policy 'best'"),
+    **{f"no {kind}": ([*words.split(), "--out", "x"], f"{kind} no.yaml: no such file; accepted: {accepted}")
+       for kind, words, accepted in (
+           ("rehearsal", "rehearse no.yaml", "a .yaml file of your own, or one of bottle"),
+           ("task", "demo no.yaml", "a .yaml file of your own, or one of BottlePickPour"),
+           ("method", "train no.yaml SpoonPour", "a .yaml file of your own, or one of bc"),
+           ("measurements", "calibrate no.yaml", "the path of a .yaml file, see `robosim keys measurements`"))},
 }
 
 
@@ -66,7 +74,7 @@ def test_a_wrong_name_is_refused_before_anything_heavy_is_loaded() -> None:
     for (what, (arguments, message)), (status, error, loaded) in zip(WRONG.items(), results, strict=True):
         assert (status, loaded) == (2, set()), what
         assert re.match(f"robosim({'' if what == 'a command' else ' ' + arguments[0]}): .*{message}", error), error
-        assert error.count("\n") == 1
+        assert error.count("\n") == 1 and not Path("x").exists()
 
 
 def test_the_parser_has_every_command() -> None:

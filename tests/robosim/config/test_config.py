@@ -153,8 +153,3 @@ def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFix
     monkeypatch.setattr("robosim.base.output_folder.write", full)
     assert main(["rehearse", "spoon", "--out", str(tmp_path / "out")]) == 1
     assert "No space left on device" in capsys.readouterr().err
-
-
-def test_a_file_that_is_not_there_is_said_to(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    assert main(["rehearse", str(tmp_path / "nothere.yaml"), "--out", str(tmp_path / "out")]) == 2
-    assert "nothere.yaml: no such file; accepted: a .yaml file of your own, or one of bottle" in capsys.readouterr().err

@@ -104,7 +104,7 @@ def test_a_bag_is_whole_or_not_there(run: Path, tmp_path: Path, capsys: pytest.C
     text = (run / "trajectory.csv").read_text().splitlines()
     (run / "trajectory.csv").write_text("\n".join([*text[:20], text[20].replace(",", ",x", 1), *text[21:]]))
     assert main(["convert", str(run), "--to", "mcap", "--out", str(tmp_path / "bag")]) == 2
-    assert "trajectory.csv: row 21" in capsys.readouterr().err
+    assert "trajectory.csv: line 21" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     (tmp_path / "bag").mkdir()
     assert main(["convert", str(run), "--to", "mcap", "--out", str(tmp_path / "bag")]) == 2

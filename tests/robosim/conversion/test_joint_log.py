@@ -83,7 +83,7 @@ def test_wrong_files_are_refused_by_what_is_wrong(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match=message):
             read_joint_log(write_csv(tmp_path / "real.csv", given), JOINTS)
     (tmp_path / "text.csv").write_text("time_s,q_shoulder_rad,q_elbow_rad\n0.0,0.1,x\n")
-    with pytest.raises(ConfigError, match="row 2"):
+    with pytest.raises(ConfigError, match="line 2: "):
         read_joint_log(tmp_path / "text.csv", JOINTS)
     with pytest.raises(ConfigError, match=r"does not exist; accepted: a \.csv file"):
         read_joint_log(tmp_path / "none.csv", JOINTS)

@@ -5,12 +5,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from grain_envs import make, make_vector, same
+from grain_envs import make, make_vector, observe, same
 
 from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
-from robosim.senses.perception import Perception
-from robosim.senses.term import SenseScene
 
 STILL = np.array([0, 0, 0, 0, 0, 0, -1, 0], np.float32)
 """Action of a tool that neither moves nor vibrates."""
@@ -53,10 +51,7 @@ def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
 def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv) -> None:
     seen, _ = spoon.reset(seed=4)
     for layout in ("flat", "dict", "none"):
-        perception = Perception(spoon.task, layout)
-        perception.build(SenseScene(spoon.task, spoon.material, spoon.solver))
-        sight = spoon.member.look(np.zeros((len(perception.grains), 6), np.float32))
-        read = perception.read(sight, perception.begin(sight, 0))
+        perception, read = observe(spoon, layout)
         target = read["target"] if layout == "dict" else read[perception.slices["target"]]
         assert np.array_equal(target, seen["target"]) and target.dtype == np.float32
 

@@ -5,20 +5,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from grain_envs import make, play
+from grain_envs import make, observe, play
 from gymnasium.utils.env_checker import check_env
 
 import mpm
+from robosim.base.resources import config_names
 from robosim.config.materials import load_material
 from robosim.envs import BUNDLED, DOSING, TASKS, sub_tasks
 from robosim.envs.grain_env import GrainEnv
 from robosim.scene.grains import grain_volume
-from robosim.senses.perception import Perception
-from robosim.senses.term import SenseScene
 from robosim.shapes import tool_shape
 from robosim.studies.evaluation.policies import make_policy
 from robosim.tasks.outcome import build_outcome, build_reward
-from robosim.tasks.task import load_task, task_names
+from robosim.tasks.task import load_task
 
 EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10), "ShovelMove": (-41.70, 41.70),
             "SpoonPour": (-30.45, 52.78), "ScoopPour": (-39.60, 72.60), "BottlePickPour": (-26.60, 46.55)}
@@ -37,7 +36,7 @@ def scoop() -> GrainEnv:
 
 
 def test_every_task_has_an_environment_with_a_page() -> None:
-    assert sorted(BUNDLED) == task_names()
+    assert sorted(BUNDLED) == config_names("tasks")
     for name in (*TASKS, *DOSING):
         page, task = getattr(sub_tasks, name).__doc__, load_task(name)
         if task.dose is None:
@@ -211,15 +210,6 @@ def test_divergence_never_pays(pour: GrainEnv, monkeypatch: pytest.MonkeyPatch) 
     assert info["tcs"] <= -30.45 and reward < total
     assert np.array_equal(seen, last)
     assert play(pour, "zero")[1]["tcs"] == pytest.approx(-30.45)
-
-
-def observe(env: GrainEnv, layout: Any) -> tuple[Perception, Any]:
-    """The present state in a layout, and what has read it."""
-    perception = Perception(env.task, layout)
-    perception.build(SenseScene(env.task, env.material, env.solver))
-    grains = mpm.Sample(env.solver, perception.grains).read() if layout != "none" else np.zeros((0, 6), np.float32)
-    sight = env.member.look(grains)
-    return perception, perception.read(sight, perception.begin(sight, 0))
 
 
 @pytest.mark.parametrize(("layout", "length"), [

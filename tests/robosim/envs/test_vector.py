@@ -231,13 +231,6 @@ def test_wrappers_of_gymnasium_work(carried: gymnasium.vector.VectorEnv) -> None
     inner.close()
 
 
-def test_the_specification_has_the_length_of_an_episode(carried: gymnasium.vector.VectorEnv) -> None:
-    assert carried.spec is not None and carried.spec.max_episode_steps == 7
-    assert carried.observation_space.contains(carried.reset(seed=0)[0])
-    ends = [carried.step(np.zeros((3, 3), np.float32))[2].tolist() for _ in range(7)]
-    assert ends == [[False] * 3] * 6 + [[True] * 3]
-
-
 def test_wrong_input_is_refused(carried: gymnasium.vector.VectorEnv) -> None:
     good = next(actions(carried, 4))
     carried.reset(seed=0)

@@ -1,10 +1,7 @@
-"""Learned motions as paths of the arm: sequence, smoothing, time scaling, clearance, ROS trajectory."""
-
-from itertools import pairwise
+"""Learned motions as paths of the arm: sequence, smoothing, time scaling, clearance."""
 
 import numpy as np
 import pytest
-import yaml
 from scipy.spatial.transform import Rotation
 
 import mpm
@@ -19,7 +16,6 @@ from robosim.planning.learned_path import (
     LearnedPath,
 )
 from robosim.planning.plan import plan_motion
-from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
@@ -117,22 +113,6 @@ def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
         assert np.array_equal(into.pose(t).matrix, above.pose(t).matrix)
     assert into.pose(into.duration).position == pytest.approx(above.pose(above.duration).position, abs=1e-12)
     assert through.clearance_shift == 0.0 and least_gap(through) < 0.0
-
-
-def test_the_ros_trajectory_reproduces_the_motion(chained):
-    """Points lie on the smoothed motion; speeds are the slopes of positions within jerk h^2 / 6."""
-    plan = plan_motion(chained)
-    motion, limits = plan.motion, plan.arm.limits(chained.limits)
-    message = yaml.safe_load(yaml.safe_dump(make_joint_trajectory(motion, [f"A{i}" for i in range(1, 8)])))
-    assert message["joint_names"] == [f"A{i}" for i in range(1, 8)]
-    times = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]]
-    assert times[0] == 0.0 and times[-1] == pytest.approx(motion.duration, abs=1e-8)
-    assert all(b > a for a, b in pairwise(times))
-    q, qd = (np.array([p[key] for p in message["points"]]) for key in ("positions", "velocities"))
-    assert q[50] == pytest.approx(motion.state(times[50]).q, abs=1e-8)
-    slopes = (q[2:] - q[:-2]) / (np.array(times[2:]) - times[:-2])[:, None]
-    assert slopes == pytest.approx(qd[1:-1], abs=max(limits.jerk) * 0.01**2 / 6.0)
-    assert qd[0] == pytest.approx(0.0, abs=1e-9) and qd[-1] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.slow

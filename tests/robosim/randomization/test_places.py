@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import taichi as ti
-from grain_envs import make, make_vector, play, same
+from grain_envs import make, make_vector, play
 
 from mpm.observers.height_map import Raster
 from robosim.base.errors import ConfigError
-from robosim.randomization.ranges import wide_ranges
 from robosim.randomization.variants import displacement, placed
 from robosim.senses.height_map import PlacedFloor, floor_heights
 from robosim.tasks.draw import HOME
@@ -78,41 +77,6 @@ def test_fill_and_slope_change_mass_and_surface():
     assert lean[1] < -0.01 and full[1] > 0.01
     assert full[2] > 1.2 * lean[2]
     env.close()
-
-
-def test_vector_environment_begins_as_single_ones_do():
-    ranges = wide_ranges(load_task("SpoonTranslate"))
-    env = make("SpoonTranslate", obs=["tool", "grains", "goal"], randomize=ranges)
-    vector = make_vector("SpoonTranslate", obs=["tool", "grains", "goal"], randomize="wide")
-    observations, infos = vector.reset(seed=7)
-    action = np.full((3, *env.action_space.shape), 0.2, np.float32)
-    after = [vector.step(action) for _ in range(2)][-1]
-    for k in range(3):
-        alone, info = env.reset(seed=7 + k)
-        assert infos["draw"]["numbers"]["place_x"][k] == info["draw"]["numbers"]["place_x"]
-        for key, value in alone.items():
-            np.testing.assert_allclose(observations[key][k], value, atol=1e-5)
-        last = [env.step(action[k]) for _ in range(2)][-1]
-        np.testing.assert_allclose(after[1][k], last[1], rtol=1e-3)
-        for key, value in last[0].items():
-            np.testing.assert_allclose(after[0][key][k], value, atol=1e-3, rtol=1e-3)
-    vector.close()
-    env.close()
-
-
-def test_an_episode_is_continued_from_its_state_to_the_bit():
-    env, other = (make("SpoonTranslate", randomize="wide") for _ in range(2))
-    action = np.full(env.action_space.shape, 0.2, np.float32)
-    env.reset(seed=4)
-    env.step(action)
-    state = env.state()
-    expected = env.step(action)
-    other.reset(seed=5)
-    other.load(state)
-    assert other.world.counter.frame.position.any()
-    assert same(other.step(action), expected)
-    env.close()
-    other.close()
 
 
 def test_grains_above_the_rim_are_refused():

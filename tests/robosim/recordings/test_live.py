@@ -6,27 +6,14 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
-import mujoco
-import numpy as np
 import pytest
+from trays import tray
 
-import mpm
-from robosim import GranularPlugin
 from robosim.base.errors import ConfigError
 from robosim.recordings.reader import Recording
 
 SCENE = """<mujoco><option timestep="0.002"/><worldbody><body name="ball" pos="0.05 0.05 0.08"><freejoint/>
   <geom size="0.012" density="3000"/></body></worldbody></mujoco>"""
-
-
-def make_plugin() -> GranularPlugin:
-    """Return a ball above a bed of sand."""
-    model = mujoco.MjModel.from_xml_string(SCENE)
-    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.04), 0.005, np.random.default_rng(0))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.1, 0.12), 0.01), walls=mpm.Walls(friction=0.5),
-                        bodies=[mpm.Body(sand, positions, volume=1.25e-7)])
-    return GranularPlugin(model, mujoco.MjData(model), solver, bodies={"ball": None})
 
 
 def free_port() -> int:
@@ -37,7 +24,7 @@ def free_port() -> int:
 
 
 def test_a_scene_is_shown_while_it_runs_and_its_recording_stays(tmp_path: Path) -> None:
-    plugin = make_plugin()
+    plugin = tray(SCENE, (0.1, 0.1, 0.04), bodies={"ball": None})
     with plugin.view(port=free_port(), out=tmp_path / "ball.rec") as view:
         for _ in range(100):
             plugin.step()
@@ -60,7 +47,7 @@ def test_a_scene_is_shown_while_it_runs_and_its_recording_stays(tmp_path: Path) 
 
 
 def test_a_port_in_use_is_refused_before_anything_is_recorded(tmp_path: Path) -> None:
-    plugin = make_plugin()
+    plugin = tray(SCENE, (0.1, 0.1, 0.04), bodies={"ball": None})
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()

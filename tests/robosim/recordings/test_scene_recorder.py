@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from trays import tray
 
-import mpm
-from robosim import GranularPlugin
 from robosim.recordings.reader import Recording
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.rendering.body_shapes import body_shapes
@@ -34,17 +33,6 @@ SCENE = """
   </worldbody>
 </mujoco>
 """
-
-
-def scene() -> tuple[mujoco.MjModel, mujoco.MjData, mpm.Solver, GranularPlugin]:
-    """Return a block that falls on sand."""
-    model = mujoco.MjModel.from_xml_string(SCENE)
-    data = mujoco.MjData(model)
-    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.04), 0.005, np.random.default_rng(0))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.1, 0.12), 0.01), walls=mpm.Walls(friction=0.5),
-                        bodies=[mpm.Body(sand, positions, volume=1.25e-7)])
-    return model, data, solver, GranularPlugin(model, data, solver, bodies={"block": None})
 
 
 def test_shapes_are_those_of_mujoco() -> None:
@@ -96,8 +84,10 @@ def corners(model: mujoco.MjModel, geom: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("rate", [20.0, 300.0])
-def test_frames_have_the_state_of_their_time(rate: float, opened: Callable[[Path], Recording], tmp_path: Path) -> None:
-    model, data, solver, plugin = scene()
+def test_frames_have_the_state_of_their_time(rate: float, opened: Callable[[Path], Recording],
+                                             tmp_path: Path) -> None:
+    plugin = tray(SCENE, (0.1, 0.1, 0.04), bodies={"block": None})
+    model, data, solver = plugin.model, plugin.data, plugin.solver
     recorder = SceneRecorder(tmp_path / "recording.rec", model, data, solver, kind="scene", title="a block",
                              frame_rate=rate, tool="block")
     kept = []
@@ -120,7 +110,8 @@ def test_a_run_is_the_same_with_a_recording(tmp_path: Path) -> None:
     """Recording only reads: every bit of the state is as without it."""
     ends = []
     for records in (False, True):
-        model, data, solver, plugin = scene()
+        plugin = tray(SCENE, (0.1, 0.1, 0.04), bodies={"block": None})
+        model, data, solver = plugin.model, plugin.data, plugin.solver
         recorder = SceneRecorder(tmp_path / "recording.rec", model, data, solver, kind="scene", title="a block",
                                  frame_rate=500.0) if records else None
         for _ in range(40):

@@ -27,22 +27,18 @@ UNIT = re.compile("_(s|m|kg|deg)$")
 
 
 def check_the_trajectories(out: Path, rows: np.ndarray, arm: Arm) -> None:
-    """trajectory.csv and joint_trajectory.yaml share a clock; quaternions have one sign, commanded and reached alike.
-
-    The tool's pose at joint angles between the points of the .yaml file is the commanded one of the .csv file's row."""
+    """trajectory.csv and joint_trajectory.yaml share a clock; the tool's pose at joint angles between the points of the
+    .yaml file is the commanded one of the .csv file's row."""
     message = yaml.safe_load((out / MISSED_TRAJECTORY).read_text())
     times = np.array([p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]])
     q, qd = (np.array([p[key] for p in message["points"]]) for key in ("positions", "velocities"))
-    columns = {name: name_columns(arm.joints).index(f"{name}_x") for name in ("commanded", "reached")}
-    commanded, reached = (rows[:, first : first + 7] for first in columns.values())
+    first = name_columns(arm.joints).index("commanded_x")
+    commanded = rows[:, first : first + 7]
     assert times[0] == 0.0 and times[-1] == pytest.approx(rows[-1, 0], abs=2e-3)
     for row in range(0, len(rows), 50):
         pose = arm.tool_pose(CubicHermiteSpline(times, q, qd)(rows[row, 0]))
         assert commanded[row, :3] == pytest.approx(pose.position, abs=1e-6)
         assert abs(commanded[row, 3:] @ pose.quaternion) == pytest.approx(1.0, abs=1e-6)
-    for quaternions in (commanded[:, 3:], reached[:, 3:]):
-        assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99)
-    assert np.all(np.sum(commanded[:, 3:] * reached[:, 3:], axis=1) > 0.99)
 
 
 def test_a_short_rehearsal_writes_all_files(ran: Path) -> None:

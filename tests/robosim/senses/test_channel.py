@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from grain_envs import make, same
+from grain_envs import make
 
 import mpm
 from robosim.base.errors import ConfigError
@@ -79,18 +79,3 @@ def test_delayed_actions_move_the_tool_later_by_their_delay():
         paths.append([env.reset(seed=0)[0]["tool"], *(env.step(action)[0]["tool"] for action in actions)])
         env.close()
     np.testing.assert_allclose(paths[1][3:], paths[0][:8], atol=1e-6)
-
-
-def test_state_continues_bit_for_bit_with_sensors_and_delays():
-    options = {"obs": ["tool", "scale", {"name": "wrist", "rate": 30.0}], "latency": 0.04, "noise": 0.01,
-               "dropout": 0.2, "action_delay": 0.03}
-    env = make("SpoonPour", **options)
-    env.reset(seed=1)
-    actions = (0.3 * np.random.default_rng(1).uniform(-1, 1, (8, 6))).astype(np.float32)
-    for action in actions[:4]:
-        env.step(action)
-    state = env.state()
-    first = [env.step(action)[0] for action in actions[4:]]
-    env.load(state)
-    assert same([env.step(action)[0] for action in actions[4:]], first)
-    env.close()

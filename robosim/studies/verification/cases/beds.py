@@ -23,6 +23,14 @@ def courant_step(courant: float, cell: float, law: Material) -> float:
     return courant * cell / math.sqrt((law.lam + 2 * law.mu) / law.density)
 
 
+def shear_ratio(phi_deg: float, cone: str = "compression") -> float:
+    """Return m3, shear stress over pressure in steady simple shear [-], of sand with a friction angle [deg].
+
+    From the cone's definition, not from the law under test."""
+    sine = math.sin(math.radians(phi_deg))
+    return sine if cone == "plane_strain" else 2.0 * math.sqrt(3.0) * sine / (3.0 - sine)
+
+
 def fill_box(law: Material, low: Any, high: Any, cell: float, **more: Any) -> mpm.Body:
     """Return a body of two particles per cell along each axis in a box [m]; more: fields of `mpm.Body`."""
     return mpm.Body(law, mpm.sample_box(low, high, cell / 2), volume=(cell / 2) ** 3, **more)

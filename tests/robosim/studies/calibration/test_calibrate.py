@@ -163,11 +163,6 @@ def test_an_experiment_that_could_be_made_is_ranked(tmp_path: Path, monkeypatch:
     assert main(["calibrate", str(path), "--out", str(tmp_path / "out")]) == 2
 
 
-def test_missing_measurements_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["calibrate", str(tmp_path / "none.yaml"), "--out", str(tmp_path / "out")]) == 2
-    assert "none.yaml: no such file; accepted: the path of a .yaml file" in capsys.readouterr().err
-
-
 def test_the_volume_of_a_simulated_heap_is_that_of_its_column() -> None:
     """Heights at rings integrate to the column's volume, for any places of the particles."""
     rng = np.random.default_rng(0)

@@ -124,7 +124,7 @@ def test_files_that_are_no_maps_are_refused(tmp_path: Path) -> None:
     for name, message in {"colour.png": "a picture of mode RGB; accepted: grey levels",
                           "grey.png": "key 'height_per_level' is missing", "text.npy": "cannot be read",
                           "none.npy": "cannot be read", "heap.tif": "accepted: .npy, .png",
-                          "bare.csv": "has columns x, y; accepted: r and z", "flags.npy": "accepted: real numbers",
+                          "bare.csv": "no column r among x, y", "flags.npy": "accepted: real numbers",
                           "words.csv": "line 3: r = 'two'; accepted: a number"}.items():
         with pytest.raises(ConfigError, match=re.escape(message)):
             read_heap("lab", make_heap(tmp_path / name))

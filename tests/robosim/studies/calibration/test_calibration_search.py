@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("sklearn")
 
 from robosim.studies.calibration.emulator import Emulator
-from robosim.studies.calibration.experiment import Numbers, Trial, predict, shear_ratio, shear_strength, sliding_angle
+from robosim.studies.calibration.experiment import Numbers, Trial, predict, shear_strength, sliding_angle
 from robosim.studies.calibration.measurements import CupExperiment, ScoopExperiment, ShearExperiment, TiltExperiment
 from robosim.studies.calibration.run import Runs, predict_held_out
 from robosim.studies.calibration.search import Posterior, Ranges, Search, choose, sample_posterior, search
@@ -22,6 +22,7 @@ from robosim.studies.calibration.verdict import (
     residual,
     usual_errors,
 )
+from robosim.studies.verification.cases.beds import shear_ratio
 
 RANGES = Ranges.of({"angle": (20.0, 45.0), "cohesion": (0.0, 60.0)})
 TRUE = {"angle": 33.0, "cohesion": 21.0}
@@ -122,12 +123,6 @@ def test_the_error_of_a_possible_shear_cell_is_a_share_of_each_reading() -> None
     assert (low, high) == pytest.approx((0.05 * 320.0, 0.05 * 1280.0))
     cup = next(one for name, one in candidates(850.0, False).items() if name.startswith("cup"))
     assert usual_errors(cup, np.full((4, 3), 0.085)) == pytest.approx([850e-6] * 3)
-
-
-@pytest.mark.parametrize(("phi", "ratio"), [(20.0, 0.4457), (30.0, 0.6928), (40.0, 0.9446)])
-def test_the_shear_ratio_is_that_of_the_law(phi: float, ratio: float) -> None:
-    """Ratios of the cone integrated along a path of simple shear, as the verification case measures them."""
-    assert shear_ratio(phi) == pytest.approx(ratio, abs=1e-4)
 
 
 def test_strength_without_pressure_is_the_apex_times_the_ratio() -> None:

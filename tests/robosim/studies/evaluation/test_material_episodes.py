@@ -8,7 +8,6 @@ import yaml
 from study_stand_in import StandIn
 
 from mpm.materials.stable_step import accepted_bound
-from robosim.base.errors import UnknownName
 from robosim.base.resources import folder, trained
 from robosim.config.materials import load_material, overridden
 from robosim.envs import TASKS
@@ -113,11 +112,3 @@ def test_finished_episodes_are_kept(tmp_path, capsys):
     assert len((tmp_path / "materials.csv").read_text().splitlines()) == 27
     command.materials(["SpoonPour"], tmp_path, name="scripted", launcher=launcher)
     assert len(launcher.asked) == 1 + 14 and launcher.asked[1]["name"] == "scripted"
-
-
-@pytest.mark.parametrize("tasks, name, message", [
-    (["Nothing"], "learned", "unknown task 'Nothing'"), (["SpoonPour"], "nobody", "unknown policy 'nobody'")])
-def test_unknown_names_are_refused_before_any_work(tmp_path, tasks, name, message):
-    with pytest.raises(UnknownName, match=message):
-        command.materials(tasks, tmp_path / "out", name=name)
-    assert not (tmp_path / "out").exists()

@@ -1,5 +1,7 @@
 """Expectations of the verification cases: they can fail, of planted errors, too; a whole report measures each."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -15,20 +17,14 @@ def record(error: float = 0.0, readings: dict[str, float] | None = None, **choic
                   errors={"rms": error}, readings=readings or {})
 
 
-def test_a_power_is_fitted_to_all_runs() -> None:
-    """y = 3 x^1.5 passes as a power from 1.4 to 1.6, not as one from 1.6 to 2; one run does not measure it."""
-    records = [record(readings={"x": x, "y": 3.0 * x**1.5}) for x in (0.5, 1.0, 4.0)]
-    assert Power("y", "x", 1.4, 1.6).evaluate(records).found == pytest.approx(1.5)
-    assert [Power("y", "x", low, 2.0).evaluate(records).verdict for low in (1.4, 1.6)] == ["pass", "fail"]
-    assert Power("y", "x", 1.4, 1.6).evaluate(records[:1]).verdict == "not run"
-
-
-def test_a_slope_is_fitted_to_all_runs() -> None:
-    """y = 3 x - 1 rises by 3 per x; one run, or several of one x, do not measure it."""
-    records = [record(readings={"x": x, "y": 3.0 * x - 1.0}) for x in (0.5, 1.0, 4.0)]
-    assert Slope("y", "x", 2.9, 3.1).evaluate(records).found == pytest.approx(3.0)
-    assert [Slope("y", "x", low, 9.0).evaluate(records).verdict for low in (2.9, 3.1)] == ["pass", "fail"]
-    assert Slope("y", "x", 2.9, 3.1).evaluate([records[0], records[0]]).verdict == "not run"
+@pytest.mark.parametrize(("kind", "y", "found"), [(Power, lambda x: 3.0 * x**1.5, 1.5),
+                                                  (Slope, lambda x: 3.0 * x - 1.0, 3.0)])
+def test_powers_and_slopes_are_fitted_to_all_runs(kind: type, y: Callable[[float], float], found: float) -> None:
+    """Within a tenth they pass, above it they fail; one run, or several of one x, do not measure them."""
+    records = [record(readings={"x": x, "y": y(x)}) for x in (0.5, 1.0, 4.0)]
+    assert kind("y", "x", found - 0.1, found + 0.1).evaluate(records).found == pytest.approx(found)
+    assert [kind("y", "x", found + d, 9.0).evaluate(records).verdict for d in (-0.1, 0.1)] == ["pass", "fail"]
+    assert kind("y", "x", 0.0, 9.0).evaluate([records[0], records[0]]).verdict == "not run"
 
 
 def test_a_range_without_a_lower_end_checks_every_run() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from study_stand_in import StandIn
 
-from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError
 from robosim.reports.page import Page
 from robosim.studies.verification.cases.continuum import motion
 from robosim.studies.verification.report import read_peers, report
@@ -44,11 +44,6 @@ def test_a_foreign_file_is_named(tmp_path: Path, content: str) -> None:
 
 def test_numbers_that_are_not_finite_become_null() -> None:
     assert replace_non_finite({"a": [np.inf, 1.0], "b": (np.nan, "x")}) == {"a": [None, 1.0], "b": [None, "x"]}
-
-
-def test_an_unknown_case_is_named_with_the_list(tmp_path: Path) -> None:
-    with pytest.raises(UnknownName, match="free_fall"):
-        report(["fre_fall"], tmp_path)
 
 
 def test_two_reports_are_compared() -> None:

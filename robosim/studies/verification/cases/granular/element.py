@@ -5,9 +5,9 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import mpm
+from robosim.studies.verification.cases.beds import shear_ratio
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within, each_within
-from robosim.studies.verification.cases.granular.slopes import shear_ratio
 
 E, NU, DENSITY, CELL, DT, RANDOM, SMALL = 3.537e5, 0.3, 1500.0, 0.1, 1e-5, 4000, 0.15
 PRESSURE, STEP, STEPS = 1000.0, 2e-3, {"shear": 60, "passive": 300}
@@ -119,7 +119,7 @@ def return_mapping(*, precision: str = "f64", integrator: str = "exact") -> Reco
     h = np.log(yielded_stretches(timed, still, axes[0] @ (np.exp(trial)[:, :, None] * axes[1])))
     pressed = trial.sum(1) < 0
     shear = np.linalg.norm(h - h.mean(1, keepdims=True), axis=1)
-    alpha = np.sqrt(2.0) / 3.0 * shear_ratio(30.0, "compression")
+    alpha = np.sqrt(2.0) / 3.0 * shear_ratio(30.0)
     beyond = shear + (3 * law.lam + 2 * law.mu) / (2 * law.mu) * alpha * h.sum(1)
     yielded = pressed & (np.abs(h - trial).max(1) > 1e-3)
     cone = max(beyond[pressed].max(), -beyond[yielded].min()) if yielded.any() else np.inf
@@ -153,7 +153,7 @@ def element_path(*, path: str = "shear", phi_deg: float = 30.0, precision: str =
         stretch = brentq(pressure_error, 0.99, 1.01, args=(state,), xtol=1e-11)
         state = deform(timed, state, step_gradient(float(stretch)))  # pyright: ignore[reportArgumentType]
     sigma = stress(law, state)
-    m3, normal = shear_ratio(phi_deg, "compression"), np.diag(sigma)
+    m3, normal = shear_ratio(phi_deg), np.diag(sigma)
     ratio = sigma[0, 1] / PRESSURE if path == "shear" else (normal[1] - normal[0]) / -(normal[1] + normal[0])
     errors = {"ratio": ratio / m3 - 1}
     if path == "shear":

@@ -7,10 +7,9 @@ import numpy as np
 import mpm
 from mpm.backend import ti
 from mpm.geometry.shape import Shape
-from robosim.studies.verification.cases.beds import SMOOTH_SLICE, courant_step, set_up
+from robosim.studies.verification.cases.beds import SMOOTH_SLICE, courant_step, set_up, shear_ratio
 from robosim.studies.verification.cases.case import Record, case
 from robosim.studies.verification.cases.expectations import Ratio, each_within
-from robosim.studies.verification.cases.granular.slopes import shear_ratio
 
 _USUAL = {"friction_deg": 30.0, "froude": 4e-3, "wall_friction": 1.0}
 RADIUS, DENSITY, NU, G, E = 0.1, 1500.0, 0.3, 9.81, 1e5

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.beds import INCLINE, courant_step, fill_box, rms, set_up
+from robosim.studies.verification.cases.beds import INCLINE, courant_step, fill_box, rms, set_up, shear_ratio
 from robosim.studies.verification.cases.case import Record, case, grid
 from robosim.studies.verification.cases.expectations import Order, Within
 
@@ -23,12 +23,6 @@ BULK, GRAIN, DIAMETER, INERTIAL = 1470.0, 2450.0, 2e-3, 0.279
 """Densities [kg/m^3] of bulk and grain, diameter [m] of a grain, inertial number I0."""
 STATIC_DEG, LIMIT_DEG = 17.3, 28.0
 """Angles [deg] of the cone at rest and at infinite rate: ratios of shear to normal stress of 0.381 and 0.643."""
-
-
-def shear_ratio(phi_deg: float, cone: str) -> float:
-    """Return m3 of sand with a friction angle [deg], from the cone's definition, not from the law under test."""
-    sine = math.sin(math.radians(phi_deg))
-    return sine if cone == "plane_strain" else 2.0 * math.sqrt(3.0) * sine / (3.0 - sine)
 
 
 @case(
@@ -111,7 +105,7 @@ def surface_slope(positions: np.ndarray, cell: float) -> float:
 
 def flow_speed(z: np.ndarray, theta_deg: float) -> np.ndarray:
     """Return the reference's velocity [m/s] at heights z [m] above the bottom."""
-    low, high = (shear_ratio(angle, "compression") for angle in (STATIC_DEG, LIMIT_DEG))
+    low, high = (shear_ratio(angle) for angle in (STATIC_DEG, LIMIT_DEG))
     incline = math.tan(math.radians(theta_deg))
     inertial = INERTIAL * (incline - low) / (high - incline)
     scale = 2.0 / 3.0 * inertial / DIAMETER * math.sqrt(BULK / GRAIN * G * math.cos(math.radians(theta_deg)))
