@@ -4,6 +4,7 @@ import argparse
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -12,6 +13,7 @@ from importlib.metadata import entry_points, version
 import mpm
 from robosim.base.errors import RobosimError, RobotDiverged
 from robosim.base.files import describe_end
+from robosim.base.jobs import SIGNALS
 from robosim.base.resources import config_path
 from robosim.commands.arguments import CommandParser
 
@@ -23,10 +25,9 @@ COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "r
 """Command -> the module of this package that adds it."""
 GROUP = "robosim.commands"
 """Entry points of other packages' commands: functions that are given the parsers and add their own."""
-SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}
-"""Signals that interrupt a command, as messages call them."""
 REPEAT = 1.0
-"""Time [s] after which an interrupt that was discarded is raised again."""
+"""Time [s] after which an interrupt that was discarded is raised again. Signals within it are one interrupt: a process
+may get SIGTERM with its group and from its parent, and the second would cut off what the first has written."""
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --out out/sugar
   robosim evaluate SpoonPour --policy scripted
@@ -77,9 +78,14 @@ def interrupts() -> Iterator[list[int]]:
     It is raised again every REPEAT seconds unless it is being handled: a bare `except` of a library, or a finalizer,
     may have discarded it."""
     received: list[int] = []
+    began: list[float] = []
 
     def interrupt(number: int, frame: object) -> None:
+        now = time.monotonic()
+        if received and now - began[-1] < REPEAT:
+            return
         received.append(number)
+        began.append(now)
         repeat(number, frame)
         raise KeyboardInterrupt(SIGNALS[signal.Signals(number).name])
 
