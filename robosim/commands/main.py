@@ -1,6 +1,7 @@
 """The command line: `robosim COMMAND`, with the commands of other packages from the entry points of a group."""
 
 import argparse
+import errno
 import signal
 import sys
 import threading
@@ -114,6 +115,13 @@ def interrupts() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
+def is_disk_full(error: BaseException | None) -> bool:
+    """Return whether an error was raised because a disk, a quota or the largest size of a file was reached."""
+    while error is not None and getattr(error, "errno", None) not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        error = error.__context__
+    return error is not None
+
+
 def run_command(arguments: list[str] | None) -> int:
     """Run a command; an error becomes a line on stderr and an exit status, a KeyboardInterrupt a line alone."""
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -126,7 +134,8 @@ def run_command(arguments: list[str] | None) -> int:
         return options.run(options)
     except (RobosimError, mpm.MpmError) as error:
         print(f"robosim {options.command}: {error}", file=sys.stderr)
-        return 1 if isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged)) else 2
+        is_run = isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged))
+        return 1 if is_run or is_disk_full(error) else 2
     except OSError as error:  # a full disk, a folder that was removed: files under their names are whole
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         return 1
