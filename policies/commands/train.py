@@ -42,6 +42,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--label", help="name of the run's line in `robosim tables`, for a method with changes "
                         "(default: the method)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
+    parser.add_argument("--trust", action="store_true", help="continue from a checkpoint that another user or machine "
+                        "wrote; it may execute code")
     parser.add_settings("method's file", "options.gamma=0.95")
     parser.set_defaults(run=run)
 

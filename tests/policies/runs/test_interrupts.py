@@ -57,7 +57,10 @@ def test_training_continues_from_its_first_episodes(tmp_path: Path, point: str, 
     stored = json.loads((out / "status.json").read_text())
     assert stored["state"] == "interrupted" and stored["episodes"] == 3
     assert stored["reason"] == f"stopped by {name}; the same command continues after 3 episodes"
-    assert main([*words, str(out)]) == 0 and len(steps) == 60 + 10 + 100 + 20  # the best again
+    with monkeypatch.context() as other:
+        other.setattr("policies.runs.checkpoint.own_key", lambda: b"another user's")
+        assert main([*words, str(out)]) == 2 and "--trust accepts it" in capsys.readouterr().err
+        assert main([*words, str(out), "--trust"]) == 0 and len(steps) == 60 + 10 + 100 + 20  # the best again
     whole = tmp_path / "whole"
     assert [row[:4] for row in read_rows(out / "episodes.csv")] == [row[:4] for row in
                                                                    read_rows(whole / "episodes.csv")]

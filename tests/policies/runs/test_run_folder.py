@@ -1,5 +1,7 @@
 """Run folders and their episodes."""
 
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -28,6 +30,23 @@ def test_the_best_motion_outlasts_a_resume(tmp_path):
     assert not later.add(row(2, 0.7), 10)
     with np.load(tmp_path / "best.npz") as best:
         assert float(best["return"]) == 1.0 and np.all(best["actions"] == 1.0)
+
+
+def test_a_checkpoint_of_another_user_executes_nothing(tmp_path, monkeypatch):
+    class Evil:
+        def __reduce__(self):
+            return Path.touch, (tmp_path / "executed",)
+
+    path = tmp_path / "checkpoint.zip"
+    with monkeypatch.context() as other:
+        other.setattr(checkpoint, "own_key", lambda: b"another user's")
+        path.write_bytes(checkpoint.pack(None, evil=Evil()))
+    for content in (path.read_bytes(), checkpoint.pack(None)[:-1] + b"g", b"", b"PK"):
+        path.write_bytes(content)
+        with pytest.raises(mpm.InvalidValue, match="cannot be read"):
+            checkpoint.load(path)
+    path.write_bytes(checkpoint.pack(None, evil=1))
+    assert checkpoint.load(path)[1]["evil"] == 1 and not (tmp_path / "executed").exists()
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path):
