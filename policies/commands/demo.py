@@ -8,7 +8,6 @@ from policies.commands.arguments import add_action_repeat, add_material, add_tas
 from policies.demonstrations import METHODS
 from policies.learning.names import check_material, check_task
 from policies.learning.options import RATE, SearchOptions
-from robosim.base.output_folder import OutputFolder
 
 EXAMPLE = """examples:
   robosim demo SpoonTranslate --n 2 --jobs 2 --out out/demo
@@ -62,8 +61,5 @@ def run(options: argparse.Namespace) -> int:
         from policies.demonstrations.demo import demonstrate
         from policies.results.demonstration_page import write_demonstration_page
 
-        status = demonstrate(task, o.out, take_options(SearchOptions, o), n=o.n, jobs=o.jobs, arm=o.arm,
-                             film=not o.no_video)
-        with OutputFolder(o.out):  # without its page the work is not finished
-            write_demonstration_page(o.out)
-        return status
+        return demonstrate(task, o.out, take_options(SearchOptions, o), n=o.n, jobs=o.jobs, arm=o.arm,
+                           film=not o.no_video, page=write_demonstration_page)

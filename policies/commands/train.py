@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     o = options
     try:
         return train(o.method, o.task, o.out, take_options(TrainingOptions, o), episodes=o.episodes, obs=o.obs,
-                     settings=o.settings, write_page=write_run_page)
+                     settings=o.settings, page=write_run_page)
     except BaseException:  # also of a run that failed or was interrupted; not of another process that has the folder
         write_own_page(o.out)
         raise
