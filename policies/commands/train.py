@@ -54,12 +54,8 @@ def run(options: argparse.Namespace) -> int:
     check_trainable(options.task)
     check_material(options.material)
     from policies.methods.train import train
-    from policies.results.run_page import write_own_page, write_run_page
+    from policies.results.run_page import write_run_page
 
     o = options
-    try:
-        return train(o.method, o.task, o.out, take_options(TrainingOptions, o), episodes=o.episodes, obs=o.obs,
-                     settings=o.settings, page=write_run_page)
-    except BaseException:  # also of a run that failed or was interrupted; not of another process that has the folder
-        write_own_page(o.out)
-        raise
+    return train(o.method, o.task, o.out, take_options(TrainingOptions, o), episodes=o.episodes, obs=o.obs,
+                 settings=o.settings, page=write_run_page)

@@ -14,8 +14,7 @@ from robosim.episode.play import play
 def clone(training: Training) -> None:
     """Fit a policy by least squares, then play every episode of the run with it."""
     set_random_seed(training.seed)
-    if training.folder.checkpoint.is_file():
-        _, state = training.load_checkpoint()
+    if state := training.load_checkpoint():
         policy = make_policy(training)
         policy.load_state_dict(state["policy"])
         training.resume(state)

@@ -17,8 +17,7 @@ def evolve(training: Training) -> None:
     if episodes < population:
         raise mpm.InvalidValue(f"--episodes {episodes}; accepted: a generation or more, {population}")
     search: Any
-    if training.folder.checkpoint.is_file():
-        _, state = training.load_checkpoint()
+    if state := training.load_checkpoint():
         search = state["search"]
         training.resume(state)
     else:
@@ -47,8 +46,8 @@ def to_motion(training: Training, point: np.ndarray) -> np.ndarray:
 
 def replay(training: Training) -> None:
     """Play the demonstrations, one after the other."""
-    if training.folder.checkpoint.is_file():
-        training.resume(training.load_checkpoint()[1])
+    if state := training.load_checkpoint():
+        training.resume(state)
     for demonstration in training.demonstrations[training.env.count : training.preset.episodes]:
         play(training.env, demonstration.actions)
         training.keep_checkpoint()

@@ -27,9 +27,7 @@ def plan(training: Training) -> None:
     env, sizes, rollouts = training.base.unwrapped, training.preset.graph, training.rollouts
     assert sizes is not None and rollouts is not None
     model = GraphModel(sizes, rollouts, sample_surfaces(env), float(env.solver.grid.lower[2]), training.seed)
-    state: dict[str, Any] = {}
-    if training.folder.checkpoint.is_file():
-        _, state = training.load_checkpoint()
+    if state := training.load_checkpoint():
         model.load(state["graph_model"])
         training.resume(state)
     if state.get("search") is None:

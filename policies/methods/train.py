@@ -1,5 +1,6 @@
 """`robosim train`: learn a sub-task, with or without demonstrations."""
 
+import contextlib
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -47,6 +48,9 @@ def train(method: str, task: str, out: Path, options: TrainingOptions, *, episod
             page(out)
     except BaseException as error:
         print(f"{out}: {training.env.count} episodes finished; {training.stop(error)}", file=sys.stderr)
+        if page is not None:
+            with contextlib.suppress(OSError, mpm.MpmError):  # the error that ended the run is the one to report
+                page(out)
         raise
     finally:
         training.folder.close()

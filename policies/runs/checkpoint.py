@@ -6,12 +6,10 @@ user's key is refused. Files to share are written by `policies.learners.policy_f
 import contextlib
 import hmac
 import io
-import os
 import pickle
 import random
 import secrets
 import zipfile
-from functools import cache
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,7 @@ import torch
 
 import mpm
 from mpm.array_files import BROKEN
-from mpm.files import temporary_path, write
+from mpm.files import write
 
 SIGNATURE = 64
 """Characters of a signature, which is the comment of the archive, at its end."""
@@ -52,26 +50,15 @@ def pack(model: Any, **parts: Any) -> bytes:
     return b"".join((content, sign(content)))
 
 
-@cache
-def own_key() -> bytes:
-    """Return the key that signs this user's checkpoints, or a passing one where no file can be kept."""
-    path = Path(platformdirs.user_data_dir("robosim")) / "checkpoint.key"
+def sign(content: Any) -> bytes:
+    """Return a signature with the key of this user, or with a passing one where no file can be kept."""
+    path, key = Path(platformdirs.user_data_dir("robosim")) / "checkpoint.key", secrets.token_bytes(32)
     with contextlib.suppress(OSError):
         if not path.is_file():
             path.parent.mkdir(parents=True, exist_ok=True)
-            new = temporary_path(path)
-            new.touch(0o600)
-            new.write_bytes(secrets.token_bytes(32))
-            with contextlib.suppress(FileExistsError):  # another process was first
-                os.link(new, path)
-            new.unlink()
-        return path.read_bytes()
-    return secrets.token_bytes(32)
-
-
-def sign(content: Any) -> bytes:
-    """Return the signature of a file's bytes before it."""
-    return hmac.digest(own_key(), content, "sha256").hex().encode()
+            write(path, lambda new: (new.touch(0o600), new.write_bytes(key)))
+        key = path.read_bytes()
+    return hmac.digest(key, content, "sha256").hex().encode()
 
 
 def load(path: Path, kind: Any = None, env: Any = None, is_trusted: bool = False) -> tuple[Any, dict[str, Any]]:

@@ -11,9 +11,8 @@ from websockets.http11 import Request, Response
 
 from mpm.files import quote
 
-OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
-"""Names under which a browser of this machine, or one behind an SSH tunnel, asks for the page."""
-TARGET = re.compile(r"/[!-~]{0,1000}")
+OWN_HOST, TARGET = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?"), re.compile(r"/[!-~]{0,1000}")
+"""Names under which a browser here, or behind an SSH tunnel, asks for the page; what it asks for."""
 POSE = {"position": (3, -1e6, 1e6), "wxyz": (4, -1e6, 1e6)}
 MESSAGES = {"GuiUpdateMessage": {}, "TransformControlsDragStartMessage": {}, "TransformControlsDragEndMessage": {},
             "TransformControlsUpdateMessage": POSE,
@@ -27,29 +26,20 @@ class ViewerConnection(ServerConnection):
     """A connection that refuses what other pages ask for, and leaves out messages that would stop the viewer."""
 
     gui: viser.GuiApi | None = None
-    _is_malformed = False
 
     async def handshake(self, process_request: Any = None, *rest: Any) -> None:
         """Perform the opening handshake; 400 or 403 for requests of others."""
-        await super().handshake(lambda connection, request: self._refuse(request) or
-                                process_request(connection, request), *rest)
+        await super().handshake(lambda own, request: self._refuse(request) or process_request(own, request), *rest)
 
     def _refuse(self, request: Request) -> Response | None:
         """Return the answer to a request that is not of the viewer's own page."""
         if TARGET.fullmatch(request.path) is None:
             return self.respond(400, "malformed request target\n")
-        # another site has its own Origin; a name that it bound to this machine's address (DNS rebinding) is the Host
+        # another site has its own Origin; a name of its own with this machine's address (DNS rebinding) is the Host
         host, origin = ("".join(request.headers.get_all(name)) for name in ("Host", "Origin"))
         if OWN_HOST.fullmatch(host) is None or origin not in ("", f"http://{host}"):
             return self.respond(403, "only the viewer's own page is served, at http://127.0.0.1 or http://localhost\n")
         return None
-
-    def send_data(self) -> None:
-        """Send what waits, and 400 where no request could be read, which `websockets` does not answer."""
-        if self.request is None and self.protocol.handshake_exc is not None and not self._is_malformed:
-            self._is_malformed = True
-            self.transport.write(b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\nContent-Length: 0\r\n\r\n")
-        super().send_data()
 
     async def recv(self, decode: bool | None = None) -> Any:
         """Receive the next message that fits."""

@@ -58,7 +58,7 @@ def test_training_continues_from_its_first_episodes(tmp_path: Path, point: str, 
     assert stored["state"] == "interrupted" and stored["episodes"] == 3
     assert stored["reason"] == f"stopped by {name}; the same command continues after 3 episodes"
     with monkeypatch.context() as other:
-        other.setattr("policies.runs.checkpoint.own_key", lambda: b"another user's")
+        other.setenv("XDG_DATA_HOME", str(tmp_path / "another user's"))
         assert main([*words, str(out)]) == 2 and "--trust accepts it" in capsys.readouterr().err
         assert main([*words, str(out), "--trust"]) == 0 and len(steps) == 60 + 10 + 100 + 20  # the best again
     whole = tmp_path / "whole"

@@ -37,16 +37,14 @@ def test_a_checkpoint_of_another_user_executes_nothing(tmp_path, monkeypatch):
         def __reduce__(self):
             return Path.touch, (tmp_path / "executed",)
 
-    path = tmp_path / "checkpoint.zip"
-    with monkeypatch.context() as other:
-        other.setattr(checkpoint, "own_key", lambda: b"another user's")
-        path.write_bytes(checkpoint.pack(None, evil=Evil()))
-    for content in (path.read_bytes(), checkpoint.pack(None)[:-1] + b"g", b"", b"PK"):
+    path, own = tmp_path / "checkpoint.zip", checkpoint.pack(None, evil=1)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "another user's"))
+    for content in (own, checkpoint.pack(None, evil=Evil())[:-1] + b"g", b""):
         path.write_bytes(content)
         with pytest.raises(mpm.InvalidValue, match="cannot be read"):
             checkpoint.load(path)
-    path.write_bytes(checkpoint.pack(None, evil=1))
-    assert checkpoint.load(path)[1]["evil"] == 1 and not (tmp_path / "executed").exists()
+    assert not (tmp_path / "executed").exists() and (tmp_path / "another user's/robosim/checkpoint.key").stat(
+        ).st_mode & 0o777 == 0o600
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path):

@@ -30,13 +30,6 @@ def open_page(server: viser.ViserServer, origin: str | None = None, host: str = 
                    origin=None if origin is None else Origin(origin))
 
 
-def ask(server: viser.ViserServer, request: bytes) -> bytes:
-    """Return the first line of the answer to a request."""
-    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=10) as client:
-        client.sendall(request + b"\r\n\r\n")
-        return client.makefile("rb").readline().strip()
-
-
 def test_pages_of_other_sites_are_refused(server: viser.ViserServer) -> None:
     port = server.get_port()
     for host, origin in (("127.0.0.1", "https://other.org"), ("127.0.0.1", "null"), ("127.0.0.1", "http://127.0.0.1:1"),
@@ -44,17 +37,17 @@ def test_pages_of_other_sites_are_refused(server: viser.ViserServer) -> None:
                          ("127.0.0.1.other.org", None)):
         with pytest.raises(InvalidStatus, match="403"):
             open_page(server, origin, host)
-    assert ask(server, b"GET / HTTP/1.1\r\nHost: other.org") == b"HTTP/1.1 403 Forbidden"
     for host in ("127.0.0.1", "localhost"):
         open_page(server, f"http://{host}:{port}", host).close()
 
 
-@pytest.mark.parametrize("request_line", [b"GET http://[ HTTP/1.1", b"GET /" + b"a" * 5000 + b" HTTP/1.1",
-                                          b"GET http://[", b"POST / HTTP/1.1", b"\x00\xff", b"GET /\xff HTTP/1.1"])
-def test_a_malformed_request_is_answered(server: viser.ViserServer, request_line: bytes,
+@pytest.mark.parametrize(("target", "host", "status"), [
+    (b"http://[", b"localhost", b"400"), (b"/" + b"a" * 5000, b"localhost", b"400"), (b"/", b"other.org", b"403")])
+def test_requests_of_others_are_answered(server: viser.ViserServer, target: bytes, host: bytes, status: bytes,
                                          capfd: pytest.CaptureFixture[str]) -> None:
-    assert ask(server, request_line + b"\r\nHost: 127.0.0.1") == b"HTTP/1.1 400 Bad Request"
-    assert not capfd.readouterr().err
+    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=10) as client:
+        client.sendall(b"GET " + target + b" HTTP/1.1\r\nHost: " + host + b"\r\n\r\n")
+        assert client.makefile("rb").readline().split()[1] == status and not capfd.readouterr().err
 
 
 def test_values_that_a_control_cannot_have_are_ignored(server: viser.ViserServer, capfd: pytest.CaptureFixture[str]
@@ -62,27 +55,18 @@ def test_values_that_a_control_cannot_have_are_ignored(server: viser.ViserServer
     gui = server.gui
     speed, box = gui.add_dropdown("speed", ("1x", "2x"), initial_value="1x"), gui.add_checkbox("play", False)
     slider = gui.add_slider("time [s]", min=0.0, max=2.0, step=0.1, initial_value=1.0)
-    handle = server.scene.add_transform_controls("/waypoint", position=(1.0, 2.0, 3.0))
-
-    def update(control: Any, **values: Any) -> dict[str, Any]:
-        return {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": values}
-
-    def move(*position: Any) -> dict[str, Any]:
-        return {"type": "TransformControlsUpdateMessage", "name": "/waypoint", "wxyz": [1, 0, 0, 0],
-                "position": position, "owner": ""}
-
-    wrong = [update(speed, value="evil"), update(speed, value=["1x"]), update(speed, options=["evil"]),
-             update(box, value="no"), update(slider, value=math.nan), update(slider, value=2.1),
-             update(slider, value=True), update(slider, max=9.0), move(math.nan, 0, 0), move(0, 0), move("evil", 0, 0),
-             move(1e300, 0, 0), {"type": "ShareUrlRequest"}, {"type": []}, [1], "evil"]
+    handle = server.scene.add_transform_controls("/waypoint")
+    control, move = {"type": "GuiUpdateMessage"}, {"type": "TransformControlsUpdateMessage", "name": "/waypoint",
+                                                   "wxyz": [1, 0, 0, 0], "owner": ""}
+    wrong = [{**control, "uuid": one._impl.uuid, "updates": updates} for one, updates in (
+        (speed, {"value": "evil"}), (speed, {"value": ["1x"]}), (speed, {"options": ["evil"]}), (box, {"value": "no"}),
+        (slider, {"value": math.nan}), (slider, {"value": 2.1}), (slider, {"value": 1.0, "max": 9.0}))]
+    wrong += [{**move, "position": position} for position in ((math.nan, 0, 0), (0, 0), ("evil", 0, 0), (1e300, 0, 0))]
     with open_page(server) as page:
-        for message in [*wrong, update(slider, value=0.5)]:
+        for message in (*wrong, {"type": "ShareUrlRequest"}, [1], {**move, "position": (4, 5, 6)}):
             page.send(msgspec.msgpack.encode(message))
-        page.send("text")
-        page.send(b"\xc1")
-        page.send(msgspec.msgpack.encode(move(4, 5, 6)))
         wait_until(lambda: tuple(handle.position) == (4.0, 5.0, 6.0), 10.0)
-    assert (speed.value, speed.options, box.value, slider.value, slider.max) == ("1x", ("1x", "2x"), False, 0.5, 2.0)
+    assert (speed.value, speed.options, box.value, slider.value, slider.max) == ("1x", ("1x", "2x"), False, 1.0, 2.0)
     lines = capfd.readouterr().err.splitlines()
     assert len(lines) == len(wrong) + 2 and lines[0].endswith("speed 'evil'; accepted: 1x, 2x")
     assert all(line.startswith("robosim view: ignored from a page: ") for line in lines)
