@@ -157,16 +157,6 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == [".lock", "report.json"]
 
 
-def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFixture,
-                                       monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(path: Path, writer: object) -> None:
-        raise OSError(28, "No space left on device", str(path))
-
-    monkeypatch.setattr("robosim.base.output_folder.write", full)
-    assert main(["rehearse", "spoon", "--out", str(tmp_path / "out")]) == 1
-    assert "No space left on device" in capsys.readouterr().err
-
-
 def test_a_file_that_is_not_there_is_said_to(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     assert main(["rehearse", str(tmp_path / "nothere.yaml"), "--out", str(tmp_path / "out")]) == 2
     assert "nothere.yaml: no such file; accepted: a .yaml file of your own, or one of bottle" in capsys.readouterr().err

@@ -41,13 +41,12 @@ def test_pages_of_other_sites_are_refused(server: viser.ViserServer) -> None:
         open_page(server, f"http://{host}:{port}", host).close()
 
 
-@pytest.mark.parametrize(("target", "host", "status"), [
-    (b"http://[", b"localhost", b"400"), (b"/" + b"a" * 5000, b"localhost", b"400"), (b"/", b"other.org", b"403")])
-def test_requests_of_others_are_answered(server: viser.ViserServer, target: bytes, host: bytes, status: bytes,
-                                         capfd: pytest.CaptureFixture[str]) -> None:
-    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=10) as client:
-        client.sendall(b"GET " + target + b" HTTP/1.1\r\nHost: " + host + b"\r\n\r\n")
-        assert client.makefile("rb").readline().split()[1] == status and not capfd.readouterr().err
+def test_wrong_requests_are_answered(server: viser.ViserServer, capfd: pytest.CaptureFixture[str]) -> None:
+    for target, host, status in (("http://[", "localhost", b"400"), ("/" + "a" * 5000, "localhost", b"400"),
+                                 ("/", "other.org", b"403"), ("/", "localhost", b"200")):
+        with socket.create_connection(("127.0.0.1", server.get_port()), timeout=10) as client:
+            client.sendall(f"GET {target} HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
+            assert client.makefile("rb").readline().split()[1] == status and not capfd.readouterr().err
 
 
 def test_values_that_a_control_cannot_have_are_ignored(server: viser.ViserServer, capfd: pytest.CaptureFixture[str]
