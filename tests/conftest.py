@@ -16,6 +16,7 @@ from robosim.rendering.opengl import choose_graphics
 CACHE = Path(__file__).resolve().parents[1] / ".cache"
 os.environ.setdefault("TI_OFFLINE_CACHE_FILE_PATH", str(CACHE / "kernels"))
 os.environ["ROBOSIM_CACHE"], os.environ["MPM_CACHE"] = str(CACHE / "starts"), str(CACHE / "distances")
+os.environ["XDG_DATA_HOME"] = str(CACHE / "data")
 choose_graphics()
 
 mpm.init(arch="cpu", precision="f32", threads=1)

@@ -219,13 +219,13 @@ BESIDE = {"status.json": ("manifest.json", MANIFEST), "manifest.json": ("status.
 
 @pytest.mark.slow
 def test_damaged_checkpoints_are_refused_or_borne(tmp_path: Path) -> None:
-    """Its checksums are compared before its pickles are loaded."""
+    """Its checksums are compared before its pickles are loaded, and its signature before both."""
     from policies.runs import checkpoint  # loads torch
 
     path, content = tmp_path / "checkpoint.zip", checkpoint.pack(None, episodes=5)
     path.write_bytes(content)
     assert checkpoint.load(path, None, None)[1]["episodes"] == 5
-    fuzz(damaged(content), 300, lambda changed: (path.write_bytes(changed), checkpoint.load(path, None, None)))
+    fuzz(damaged(content), 300, lambda changed: (path.write_bytes(changed), checkpoint.load(path, is_trusted=True)))
 
 
 @pytest.mark.slow

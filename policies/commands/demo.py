@@ -55,7 +55,5 @@ def run(options: argparse.Namespace) -> int:
         from policies.demonstrations.demo import demonstrate
         from policies.results.demonstration_page import write_demonstration_page
 
-        status = demonstrate(task, o.out, take_options(SearchOptions, o), n=o.n, jobs=o.jobs, arm=o.arm,
-                             film=not o.no_video)
-        write_demonstration_page(o.out)
-        return status
+        return demonstrate(task, o.out, take_options(SearchOptions, o), n=o.n, jobs=o.jobs, arm=o.arm,
+                           film=not o.no_video, page=write_demonstration_page)

@@ -41,6 +41,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--label", help="name of the run's line in `robosim tables`, for a method with changes "
                         "(default: the method)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
+    parser.add_argument("--trust", action="store_true", help="continue from a checkpoint that another user or machine "
+                        "wrote; it may execute code")
     parser.add_settings("method's file", "options.gamma=0.95")
     parser.set_defaults(run=run)
 
@@ -50,11 +52,8 @@ def run(options: argparse.Namespace) -> int:
     config_path("training", options.method, "method")
     check_trainable(options.task)
     from policies.methods.train import train
-    from policies.results.run_page import write_own_page
+    from policies.results.run_page import write_run_page
 
     o = options
-    try:
-        return train(o.method, o.task, o.out, take_options(TrainingOptions, o), episodes=o.episodes, obs=o.obs,
-                     settings=o.settings)
-    finally:  # also of a run that failed or was interrupted; not of another process that has the folder
-        write_own_page(o.out)
+    return train(o.method, o.task, o.out, take_options(TrainingOptions, o), episodes=o.episodes, obs=o.obs,
+                 settings=o.settings, page=write_run_page)

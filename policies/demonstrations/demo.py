@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +25,12 @@ SCRIPT = "script"
 
 
 def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jobs: int = 1, arm: bool = False,
-                film: bool = True) -> int:
+                film: bool = True, page: Callable[[Path], object] | None = None) -> int:
     """Make demonstrations 0 to n - 1 in a folder, with their table, learning curves and films; return 0.
 
     jobs: demonstrations that are searched for at the same time. arm: whether the table has what the motion asks of the
-    arm's joints. Raises robosim.ConfigError where another process is at work in the folder, mpm.InvalidValue for an
-    option that does not fit the task, or a folder with other demonstrations."""
+    arm's joints. page: writes a page of the folder. Raises robosim.ConfigError where the folder cannot be used,
+    mpm.InvalidValue for an option that does not fit the task, or a folder with other demonstrations."""
     check_at_least(1, {"--n": n, "--jobs": jobs})
     env: Any = make_environment(task, action_repeat=options.action_repeat).unwrapped
     actions = first_actions(options.start, options.until, env.task, ActionRepeat(env.task, options.action_repeat))
@@ -44,6 +45,8 @@ def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jo
         draw_learning_curves(out, request.name, n)
         for k in range(n if film else 0):
             film_demonstration(request, k)
+        if page is not None:
+            page(out)
     print(out / "demonstrations.json")
     return 0
 

@@ -49,6 +49,8 @@ class TrainingOptions:
     """Name of the run's line in tables; None: the method."""
     force: bool = False
     """Whether a folder that holds another run is continued."""
+    trust: bool = False
+    """Whether another user's checkpoint, which may execute code, is continued."""
 
     def __post_init__(self) -> None:
         check_at_least(0, {"--seed": self.seed})

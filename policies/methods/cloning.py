@@ -7,7 +7,6 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
-from policies.runs import checkpoint
 from policies.runs.training import Training
 from robosim.episode.play import play
 
@@ -15,8 +14,7 @@ from robosim.episode.play import play
 def clone(training: Training) -> None:
     """Fit a policy by least squares, then play every episode of the run with it."""
     set_random_seed(training.seed)
-    if training.folder.checkpoint.is_file():
-        _, state = checkpoint.load(training.folder.checkpoint, None, None)
+    if state := training.load_checkpoint():
         policy = make_policy(training)
         policy.load_state_dict(state["policy"])
         training.resume(state)

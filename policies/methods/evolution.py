@@ -1,6 +1,5 @@
 """CMA-ES (Hansen 2016) on a smooth motion, in the simulator itself; and the replay of demonstrations."""
 
-import pickle
 from typing import Any
 
 import cma
@@ -8,7 +7,6 @@ import numpy as np
 
 import mpm
 from policies.demonstrations.spline_search import fit_knots, sample_spline
-from policies.runs import checkpoint
 from policies.runs.training import Training
 from robosim.episode.play import play
 
@@ -19,16 +17,15 @@ def evolve(training: Training) -> None:
     if episodes < population:
         raise mpm.InvalidValue(f"--episodes {episodes}; accepted: a generation or more, {population}")
     search: Any
-    if training.folder.checkpoint.is_file():
-        _, state = checkpoint.load(training.folder.checkpoint, None, None)
-        search = pickle.loads(state["search"])
+    if state := training.load_checkpoint():
+        search = state["search"]
         training.resume(state)
     else:
         search = make_search(training)
     while not training.is_over and training.env.count + population <= episodes:
         points = search.ask()
         search.tell(points, [-play(training.env, to_motion(training, point))[0] for point in points])
-        training.save_checkpoint(search=pickle.dumps(search))
+        training.save_checkpoint(search=search)
 
 
 def make_search(training: Training) -> Any:
@@ -49,8 +46,8 @@ def to_motion(training: Training, point: np.ndarray) -> np.ndarray:
 
 def replay(training: Training) -> None:
     """Play the demonstrations, one after the other."""
-    if training.folder.checkpoint.is_file():
-        training.resume(checkpoint.load(training.folder.checkpoint, None, None)[1])
+    if state := training.load_checkpoint():
+        training.resume(state)
     for demonstration in training.demonstrations[training.env.count : training.preset.episodes]:
         play(training.env, demonstration.actions)
         training.keep_checkpoint()

@@ -4,7 +4,6 @@ The best motion of each generation is played in the simulator. Source: the basel
 Tuomainen et al. 2022."""
 
 import math
-import pickle
 from functools import partial
 from typing import Any
 
@@ -18,7 +17,6 @@ from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import sample_surfaces
 from policies.dynamics.rollouts import grain_positions
 from policies.methods.evolution import make_search, to_motion
-from policies.runs import checkpoint
 from policies.runs.training import Training
 from robosim.base.files import write_json
 from robosim.episode.play import play
@@ -29,9 +27,7 @@ def plan(training: Training) -> None:
     env, sizes, rollouts = training.base.unwrapped, training.preset.graph, training.rollouts
     assert sizes is not None and rollouts is not None
     model = GraphModel(sizes, rollouts, sample_surfaces(env), float(env.solver.grid.lower[2]), training.seed)
-    state: dict[str, Any] = {}
-    if training.folder.checkpoint.is_file():
-        _, state = checkpoint.load(training.folder.checkpoint, None, None)
+    if state := training.load_checkpoint():
         model.load(state["graph_model"])
         training.resume(state)
     if state.get("search") is None:
@@ -43,15 +39,13 @@ def plan(training: Training) -> None:
     search_with(training, model, state.get("search"))
 
 
-def search_with(training: Training, model: GraphModel, stored_search: bytes | None) -> None:
-    """Evaluate each generation in the model and play its best motion in the simulator, until the run is over.
-
-    stored_search: pickle of the search of a checkpoint."""
+def search_with(training: Training, model: GraphModel, search: Any) -> None:
+    """Evaluate each generation in the model and play its best motion in the simulator, until the run is over."""
     env = training.base.unwrapped
     env.reset(seed=0, options={"nominal": True})
     grains, start = grain_positions(env).astype(float), env.solver.collider_pose(0)
     converter = ActionRepeat(env.task, training.action_repeat)
-    search = pickle.loads(stored_search) if stored_search is not None else make_search(training)
+    search = make_search(training) if search is None else search
     while not training.is_over:
         points = search.ask()
         motions = [to_motion(training, point) for point in points]
@@ -63,7 +57,7 @@ def search_with(training: Training, model: GraphModel, stored_search: bytes | No
                          if is_complete else FAILED)
         search.tell(points, costs)
         play(training.env, motions[int(np.argmin(costs))])
-        training.save_checkpoint(graph_model=model.state(), search=pickle.dumps(search))
+        training.save_checkpoint(graph_model=model.state(), search=search)
 
 
 def cost(task: Any, grains: np.ndarray, angle: float) -> float:

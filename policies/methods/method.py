@@ -20,9 +20,9 @@ class Method(Protocol):
     - read its settings from `training.preset` (its own are in `options`), and draw random numbers from generators with
       the seed `training.seed`, or from the global ones of torch, numpy and random;
     - call `training.keep_checkpoint(**parts)` between two episodes, which writes a checkpoint when one is due or the
-      run is interrupted, or `training.save_checkpoint(**parts)`, which writes it at once. If
-      `training.folder.checkpoint` is a file at the start, it must call `checkpoint.load` and `training.resume`, so that
-      results are bitwise identical to those of a run without interruption;
+      run is interrupted, or `training.save_checkpoint(**parts)`, which writes it at once. At the start it must call
+      `training.load_checkpoint` and, if that returns parts, `training.resume`, so that results are bitwise identical to
+      those of a run without interruption;
     - call `training.evaluate(policy)` after an episode, if it has a policy of Stable-Baselines3.
 
     It can use `training.demonstrations` (motions and their starts), `training.demonstration_transitions()` and
@@ -34,8 +34,7 @@ class Method(Protocol):
         def search_randomly(training: Training) -> None:
             rng = np.random.default_rng(training.seed)
             knots = training.preset.options["knots"]
-            if training.folder.checkpoint.is_file():
-                _, state = checkpoint.load(training.folder.checkpoint, None, None)
+            if state := training.load_checkpoint():
                 rng.bit_generator.state = state["rng"]
                 training.resume(state)
             while not training.is_over:

@@ -1,8 +1,9 @@
 """`robosim train`: learn a sub-task, with or without demonstrations."""
 
+import contextlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pydantic
@@ -15,11 +16,12 @@ from robosim.config.settings import Setting
 
 
 def train(method: str, task: str, out: Path, options: TrainingOptions, *, episodes: int | None = None,
-          obs: str | None = None, settings: Sequence[Setting] = ()) -> int:
+          obs: str | None = None, settings: Sequence[Setting] = (), page: Callable[..., object] | None = None) -> int:
     """Run a method in a folder to its end; return 0. A finished run is not repeated.
 
-    episodes, obs: instead of the preset's. settings: in place of values of the method's file. Raises ConfigError for a
-    wrong method or setting, mpm.InvalidValue for a missing package, or options that do not fit."""
+    episodes, obs: instead of the preset's. settings: in place of values of the method's file. page: writes a page of
+    the finished run. Raises ConfigError for a wrong method or setting, mpm.InvalidValue for a missing package, or
+    options that do not fit."""
     check_installed()
     check_at_least(1, {} if episodes is None else {"--episodes": episodes})
     given = {key: value for key, value in (("episodes", episodes), ("obs", obs)) if value is not None}
@@ -42,8 +44,13 @@ def train(method: str, task: str, out: Path, options: TrainingOptions, *, episod
         training.folder.update_status("running")
         select_method(preset.learner)(training)
         training.finish()
+        if page is not None:
+            page(out)
     except BaseException as error:
         print(f"{out}: {training.env.count} episodes finished; {training.stop(error)}", file=sys.stderr)
+        if page is not None:
+            with contextlib.suppress(OSError, mpm.MpmError):  # the error that ended the run is the one to report
+                page(out)
         raise
     finally:
         training.folder.close()

@@ -1,8 +1,6 @@
 """The page of a training run: verdict, learning curves, evaluations and configuration."""
 
 import json
-import os
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +18,6 @@ NAMES = {"tcs": "score", "is_success": "success"}
 DETAILS = ("preset", "demonstrations", "command", "commit", "code", "process", "label")
 """Entries of the manifest that are folded away, or are in the page's header."""
 Curve = tuple[list[float], list[float]]
-
-
-def write_own_page(out: Path) -> None:
-    """Write the page of this process's run; what prevents it is printed, for the run is worth more than its page."""
-    try:
-        if read_json(out / "status.json").get("process") == os.getpid():
-            write_run_page(out)
-    except FileNotFoundError:
-        return  # nothing was begun
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        print(f"{out}: no index.html: {type(error).__name__}: {error}", file=sys.stderr)
 
 
 def write_run_page(out: Path) -> Path | None:

@@ -1,22 +1,29 @@
 """Checkpoints: a run that continues from one ends with the same bits as one that was never interrupted.
 
-They hold pickles, as Stable-Baselines3's own files do, and a pickle executes code: load your own only. Files to share
-are written by `policies.learners.policy_file`."""
+They hold pickles, as Stable-Baselines3's own files do, and a pickle executes code: one that is not signed with this
+user's key is refused. Files to share are written by `policies.learners.policy_file`."""
 
+import contextlib
+import hmac
 import io
 import pickle
 import random
+import secrets
 import zipfile
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import platformdirs
 import torch
 
 import mpm
 from mpm.array_files import BROKEN
 from mpm.files import write
 
+SIGNATURE = 64
+"""Characters of a signature, which is the comment of the archive, at its end."""
 MAX_CHECKPOINT = 16 * 2**30
 """Bytes of a checkpoint: a replay buffer of 1 million observations of 1700 numbers, twice."""
 
@@ -31,6 +38,7 @@ def pack(model: Any, **parts: Any) -> bytes:
 
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
+        archive.comment = b"0" * SIGNATURE
         if model is not None:
             stored_model = io.BytesIO()
             model.save(stored_model)
@@ -38,15 +46,31 @@ def pack(model: Any, **parts: Any) -> bytes:
             if getattr(model, "replay_buffer", None) is not None:
                 archive.writestr("buffer.pickle", pickle.dumps(model.replay_buffer, pickle.HIGHEST_PROTOCOL))
         archive.writestr("state.pickle", pickle.dumps(state, pickle.HIGHEST_PROTOCOL))
-    return packed.getvalue()
+    content = packed.getbuffer()[:-SIGNATURE]
+    return b"".join((content, sign(content)))
 
 
-def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
+def sign(content: Any) -> bytes:
+    """Return a signature with the key of this user, or with a passing one where no file can be kept."""
+    path, key = Path(platformdirs.user_data_dir("robosim")) / "checkpoint.key", secrets.token_bytes(32)
+    with contextlib.suppress(OSError):
+        if not path.is_file():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(path, lambda new: (new.touch(0o600), new.write_bytes(key)))
+        key = path.read_bytes()
+    return hmac.digest(key, content, "sha256").hex().encode()
+
+
+def load(path: Path, kind: Any = None, env: Any = None, is_trusted: bool = False) -> tuple[Any, dict[str, Any]]:
     """Return the model, of class `kind` (None: no model was stored), in an environment, and the other parts.
 
     Random numbers continue only once `restore_random_state` is called with the parts. Raises mpm.InvalidValue for a
-    file that is damaged, too large, or of other versions of its packages."""
+    file that is damaged, too large, of other versions of its packages, or, unless it is trusted, of others."""
     try:
+        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as mapped, memoryview(mapped) as view:
+            if not (is_trusted or hmac.compare_digest(sign(view[:-SIGNATURE]), bytes(view[-SIGNATURE:]))):
+                raise pickle.UnpicklingError("it was not written by this user's robosim here, and would execute code; "
+                                             "--trust accepts it")
         with zipfile.ZipFile(path) as archive:  # what its directory promises is checked before it is read
             size = sum(member.file_size for member in archive.infolist())
             most = min(MAX_CHECKPOINT, path.stat().st_size)

@@ -42,12 +42,12 @@ def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = Fa
     if launcher is not None:
         launcher.configure(file.launch)
     file.out.mkdir(parents=True, exist_ok=True)
-    try:
-        with keep_status(file.out):
+    with keep_status(file.out):
+        try:
             failed = run_queue(unfinished, jobs, len(runs)) if launcher is None else \
                 run_elsewhere(unfinished, launcher, file.out / "launch", len(runs))
-    finally:
-        write_json(file.out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
+        finally:
+            write_json(file.out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
     for run, reason in failed:
         print(f"failed: {run.out}: {reason}", file=sys.stderr)
     return 1 if failed else 0

@@ -13,6 +13,7 @@ import mpm
 from policies.learning.names import check_trainable, is_task_file
 from policies.learning.options import to_words
 from policies.learning.presets import Episodes, load_preset
+from robosim.base.files import LOG
 from robosim.base.input_files import read_json
 from robosim.config.settings import Setting
 from robosim.config.table import Table, load
@@ -90,7 +91,7 @@ class SweepRun(NamedTuple):
     @property
     def log(self) -> Path:
         """File that the run's stdout and stderr are appended to."""
-        return self.out / "log.txt"
+        return self.out / LOG
 
     @property
     def state(self) -> str:

@@ -170,6 +170,13 @@ class Training:
         self.folder.write_status("running")
         checkpoint.restore_random_state(state, self.model)
 
+    def load_checkpoint(self, kind: Any = None, env: Any = None) -> dict[str, Any]:
+        """Return the parts of the checkpoint, {} without one; its model is set. Raises as `checkpoint.load`."""
+        if not self.folder.checkpoint.is_file():
+            return {}
+        self.model, parts = checkpoint.load(self.folder.checkpoint, kind, env, self.options.trust)
+        return parts
+
     def save_checkpoint(self, **parts: Any) -> None:
         """Write a checkpoint of the model, the episodes and a method's own parts."""
         self.keep_checkpoint(at_once=True, **parts)
@@ -223,8 +230,7 @@ class Training:
         `state()` is part of checkpoints, from which `load` restores it."""
         if venv is None:
             venv = self.env if self.n_envs > 1 else DummyVecEnv([lambda: self.agent_env])
-        if self.folder.checkpoint.is_file():
-            self.model, state = checkpoint.load(self.folder.checkpoint, learner_class(self.preset), venv)
+        if state := self.load_checkpoint(learner_class(self.preset), venv):
             self.model.set_logger(EventLog.resume(self.folder.event_log, state.get("log")))
             if callback is not None:
                 callback.load(state["callback"])

@@ -16,6 +16,8 @@ TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.\w+)?")
 """Names of files and folders that are not finished."""
 STATUS = "status.json"
 """File of a folder of results that says how far the work has come."""
+LOG = "log.txt"
+"""File that a sweep begins in the folder of a run."""
 
 
 def write_text(path: Path, text: str) -> None:

@@ -20,6 +20,8 @@ PR_SET_PDEATHSIG = 1
 """Option of prctl: the signal to get when the parent ends. Source: linux/prctl.h."""
 PARENT = "ROBOSIM_PARENT"
 """Environment variable with the id of the process that started a command here."""
+SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}
+"""Signals that interrupt a command, as messages call them."""
 POLL = 0.02
 """Time [s] between two looks at the processes."""
 LOG_END = 2**16
@@ -114,29 +116,26 @@ def worker_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of `jobs` processes, spawned because a forked one could not use a GPU.
 
     On an exception, such as Ctrl-C, the workers are stopped at once."""
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_start_worker,
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with,
                                initargs=(os.getpid(),))
     try:
         yield pool
     except BaseException:
         for process in active_children():  # or the pool would wait for the end of their work
-            process.terminate()
+            process.kill()
         raise
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _start_worker(parent: int) -> None:
-    """Leave Ctrl-C to the parent, and end with it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with(parent)
-
-
 def end_with(parent: int) -> None:
-    """Have the kernel kill this process when its parent ends (Linux only).
+    """Leave interrupts to the parent, and have the kernel kill this process when that ends (Linux only).
 
-    Otherwise the processes of a killed command would go on: they would disturb times that are measured on their cores,
-    and write to a folder whose lock is free."""
+    A signal to the group would else end this process first, which the parent would take for a failure. And the
+    processes of a killed command would go on: they would disturb times that are measured on their cores, and write to a
+    folder whose lock is free."""
+    for name in SIGNALS:
+        signal.signal(getattr(signal, name, signal.SIGINT), signal.SIG_IGN)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() != parent:  # it ended before the call above

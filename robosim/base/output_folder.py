@@ -10,10 +10,10 @@ from filelock import FileLock, Timeout
 
 from mpm.files import write
 from robosim.base.errors import ConfigError
-from robosim.base.files import keep_status, remove_temporary, write_json
+from robosim.base.files import LOG, STATUS, keep_status, remove_temporary, write_json
 
 LOCK = ".lock"
-"""File of a folder by which a process keeps it from others."""
+"""File of a folder by which a process keeps it from others; also the mark of a folder of results."""
 
 
 def is_locked(folder: Path) -> bool:
@@ -37,12 +37,17 @@ class OutputFolder:
     """The folder given as `--out`, checked before any work and kept from other processes as long as this lives.
 
     In a `with` statement status.json says how far the work has come: "running", then "finished", "interrupted" or
-    "failed". Raises ConfigError where the folder cannot be written or another process is at work there."""
+    "failed". Raises ConfigError where the folder cannot be written, another process is at work there, or, unless it is
+    shared, it has files and is none of an earlier run."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, is_shared: bool = False) -> None:
         self.path, self._status = path, contextlib.ExitStack()
         try:
             path.mkdir(parents=True, exist_ok=True)
+            others = sorted(one.name for one in path.iterdir() if one.name[0] != "." and one.name != LOG)
+            if others and not (is_shared or (path / LOCK).exists() or (path / STATUS).exists()):
+                raise ConfigError(f"--out {path}: holds other files, such as {others[0]}; accepted: a new or empty "
+                                  f"folder, or one of an earlier run")
             self._lock = FileLock(path / LOCK, is_singleton=True)  # a notebook may come back after an error
             self._lock.acquire(timeout=0)
         except Timeout:

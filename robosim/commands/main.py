@@ -1,9 +1,11 @@
 """The command line: `robosim COMMAND`, with the commands of other packages from the entry points of a group."""
 
 import argparse
+import errno
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -12,6 +14,7 @@ from importlib.metadata import entry_points, version
 import mpm
 from robosim.base.errors import RobosimError, RobotDiverged
 from robosim.base.files import describe_end
+from robosim.base.jobs import SIGNALS
 from robosim.base.resources import config_path
 from robosim.commands.arguments import CommandParser
 
@@ -23,10 +26,9 @@ COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "r
 """Command -> the module of this package that adds it."""
 GROUP = "robosim.commands"
 """Entry points of other packages' commands: functions that are given the parsers and add their own."""
-SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}
-"""Signals that interrupt a command, as messages call them."""
 REPEAT = 1.0
-"""Time [s] after which an interrupt that was discarded is raised again."""
+"""Time [s] after which an interrupt that was discarded is raised again. Signals within it are one interrupt: a process
+may get SIGTERM with its group and from its parent, and the second would cut off what the first has written."""
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --out out/sugar
   robosim evaluate SpoonPour --policy scripted
@@ -77,9 +79,14 @@ def interrupts() -> Iterator[list[int]]:
     It is raised again every REPEAT seconds unless it is being handled: a bare `except` of a library, or a finalizer,
     may have discarded it."""
     received: list[int] = []
+    began: list[float] = []
 
     def interrupt(number: int, frame: object) -> None:
+        now = time.monotonic()
+        if received and now - began[-1] < REPEAT:
+            return
         received.append(number)
+        began.append(now)
         repeat(number, frame)
         raise KeyboardInterrupt(SIGNALS[signal.Signals(number).name])
 
@@ -108,6 +115,13 @@ def interrupts() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
+def is_disk_full(error: BaseException | None) -> bool:
+    """Return whether an error was raised because a disk, a quota or the largest size of a file was reached."""
+    while error is not None and getattr(error, "errno", None) not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        error = error.__context__
+    return error is not None
+
+
 def run_command(arguments: list[str] | None) -> int:
     """Run a command; an error becomes a line on stderr and an exit status, a KeyboardInterrupt a line alone."""
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -120,7 +134,8 @@ def run_command(arguments: list[str] | None) -> int:
         return options.run(options)
     except (RobosimError, mpm.MpmError) as error:
         print(f"robosim {options.command}: {error}", file=sys.stderr)
-        return 1 if isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged)) else 2
+        is_run = isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged))
+        return 1 if is_run or is_disk_full(error) else 2
     except OSError as error:  # a full disk, a folder that was removed: files under their names are whole
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         return 1

@@ -7,6 +7,7 @@ a forked one could not use a GPU: a script that makes them needs `if __name__ ==
 import contextlib
 import multiprocessing
 import os
+import time
 import traceback
 from functools import partial
 from itertools import chain
@@ -250,7 +251,7 @@ class RemoteBatch:
         try:
             return self._pipe.recv()
         except (EOFError, OSError):
-            self.process.join(1.0)
+            time.sleep(1.0)  # a signal to the whole group, which may have ended it first, comes to this process, too
             return BatchError(RobosimError(f"the process of {self.process.name} ended with exit code "
                                            f"{self.process.exitcode}"), "while it handled a request")
 

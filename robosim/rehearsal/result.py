@@ -100,7 +100,7 @@ class Result:
         names = self.config.joint_trajectory
         if any(given.values()):
             names = validate(given, Path("export_ros2"), JointTrajectoryConfig)
-        out, rest = OutputFolder(path.parent), self.config.grasp_time
+        out, rest = OutputFolder(path.parent, is_shared=True), self.config.grasp_time
         closing = [(0.0, False), (CLOSING_SHARE * rest, True)]
         if self.config.pick is not None:
             picking = [(0.0, False), *((self._closes + time, is_closed) for time, is_closed in closing)]

@@ -2,12 +2,17 @@
 
 import contextlib
 import io
+import logging
+from functools import partial
+from unittest import mock
 
 import viser
+import websockets.asyncio.server as websocket_server
 
 from robosim.recordings.ports import LOCAL, PORT, check_port, free_port
 from robosim.recordings.reader import Recording
 from robosim.viewer.charts import History
+from robosim.viewer.connection import ViewerConnection
 from robosim.viewer.scene_view import SceneView, aim_first_camera
 
 
@@ -18,9 +23,17 @@ def open_server(port: int = PORT) -> tuple[viser.ViserServer, str]:
 
 
 def start_server(port: int | None = None) -> viser.ViserServer:
-    """Start viser at a port, without the box that it prints; None: at any free port."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        return viser.ViserServer(host=LOCAL, port=free_port() if port is None else port, verbose=False)
+    """Start viser at a port, for its own page alone, without the box that it prints; None: at any free port."""
+    kind: type[ViewerConnection] = type("Connection", (ViewerConnection,), {})
+    logger = logging.getLogger("robosim.viewer")
+    logger.setLevel(logging.CRITICAL)  # a handshake that fails is answered, without a traceback here
+    serve = partial(websocket_server.serve, create_connection=kind, logger=logger)
+    with contextlib.redirect_stdout(io.StringIO()), mock.patch.object(websocket_server, "serve", wraps=serve) as used:
+        server = viser.ViserServer(host=LOCAL, port=free_port() if port is None else port, verbose=False)
+    if not used.called:  # viser has no parameter for it
+        raise RuntimeError(f"viser {viser.__version__} starts its server otherwise; its clients cannot be checked")
+    kind.gui = server.gui
+    return server
 
 
 def stop_server(server: viser.ViserServer) -> None:

@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     from robosim.recordings.reader import find_recordings
 
     own = find_recordings(options.what)[0].parent
-    folder = OutputFolder(options.out or own)
+    folder = OutputFolder(options.out or own, is_shared=options.out is None)
     try:
         print(film_run(options.what, folder.path, FilmStyle(options.camera, options.colour, options.height,
                                                             options.poster)))

@@ -24,7 +24,8 @@ class PointEnv(gymnasium.Env):
         self.position, self.steps = self.position + 0.1 * np.asarray(action, float), self.steps + 1
         distance, info = float(np.abs(self.position - 0.5).sum()), {}
         if hasattr(self, "task"):
-            info = {"tcs": -distance, "tcs_terms": {}, "is_success": False, "readings": {"delivered": -distance}}
+            info = {"tcs": -distance, "tcs_terms": {}, "is_success": False, "readings": dict.fromkeys(
+                ("delivered", "spilled", "retained"), -distance)}
         return self.position.astype(np.float32), -distance, False, self.steps == DECISIONS, info
 
 

@@ -57,7 +57,10 @@ def test_training_continues_from_its_first_episodes(tmp_path: Path, point: str, 
     stored = json.loads((out / "status.json").read_text())
     assert stored["state"] == "interrupted" and stored["episodes"] == 3
     assert stored["reason"] == f"stopped by {name}; the same command continues after 3 episodes"
-    assert main([*words, str(out)]) == 0 and len(steps) == 60 + 10 + 100 + 20  # the best again
+    with monkeypatch.context() as other:
+        other.setenv("XDG_DATA_HOME", str(tmp_path / "another user's"))
+        assert main([*words, str(out)]) == 2 and "--trust accepts it" in capsys.readouterr().err
+        assert main([*words, str(out), "--trust"]) == 0 and len(steps) == 60 + 10 + 100 + 20  # the best again
     whole = tmp_path / "whole"
     assert [row[:4] for row in read_rows(out / "episodes.csv")] == [row[:4] for row in
                                                                    read_rows(whole / "episodes.csv")]
@@ -129,6 +132,26 @@ def test_a_demonstration_on_a_full_disk_keeps_its_last_iteration(tmp_path: Path,
     with np.load(tmp_path / "whole" / "demonstration_0.npz") as whole, np.load(out / "demonstration_0.npz") as stored:
         assert all(np.array_equal(whole[key], stored[key]) for key in whole.files)
     assert {path.name for path in out.glob("[!.]*")} == {path.name for path in (tmp_path / "whole").glob("[!.]*")}
+
+
+@pytest.mark.parametrize(("command", "writer"), [
+    ("train", "policies.results.run_page.write_text"), ("demo", "policies.results.demonstration_page.write_text"),
+    ("train", "robosim.base.output_folder.FileLock"), ("demo", "robosim.base.output_folder.FileLock")])
+def test_a_full_disk_is_a_failure_with_status_1(tmp_path: Path, valley: Path, point: str, command: str, writer: str,
+                                                monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether it is found by the first file or by the last; the same command then ends the work."""
+    words = {"train": ["train", "sac", point, "--episodes", "2", *QUICK], "demo": [
+        "demo", "SpoonTranslate", "--n", "1", "--iterations", "2", "--action-repeat", "50", "--no-video"]}[command]
+
+    def fail(path: Path, *_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    with monkeypatch.context() as full:
+        full.setattr(writer, fail)
+        assert main([*words, "--out", str(tmp_path / "out")]) == 1
+        assert "FileLock" in writer or read_status(tmp_path / "out") == "failed"
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
+    assert read_status(tmp_path / "out") == "finished" and (tmp_path / "out" / "index.html").is_file()
 
 
 def test_a_film_that_fails_is_removed(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Run folders and their episodes."""
 
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -28,6 +30,21 @@ def test_the_best_motion_outlasts_a_resume(tmp_path):
     assert not later.add(row(2, 0.7), 10)
     with np.load(tmp_path / "best.npz") as best:
         assert float(best["return"]) == 1.0 and np.all(best["actions"] == 1.0)
+
+
+def test_a_checkpoint_of_another_user_executes_nothing(tmp_path, monkeypatch):
+    class Evil:
+        def __reduce__(self):
+            return Path.touch, (tmp_path / "executed",)
+
+    path, own = tmp_path / "checkpoint.zip", checkpoint.pack(None, evil=1)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "another user's"))
+    for content in (own, checkpoint.pack(None, evil=Evil())[:-1] + b"g", b""):
+        path.write_bytes(content)
+        with pytest.raises(mpm.InvalidValue, match="cannot be read"):
+            checkpoint.load(path)
+    assert not (tmp_path / "executed").exists() and (tmp_path / "another user's/robosim/checkpoint.key").stat(
+        ).st_mode & 0o777 == 0o600
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path):

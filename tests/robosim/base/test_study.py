@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from study_stand_in import StandIn
 
+from robosim.base.jobs import worker_pool
 from robosim.base.study import Job, Store, Study
 
 MODULE = """
@@ -94,3 +95,10 @@ Study(Path({str(tmp_path)!r}), 2).rows([Job("measuring:wait", {{"x": 1}}, exerci
             return
         time.sleep(0.05)
     pytest.fail(f"{children} goes on")
+
+
+def test_a_signal_to_the_group_is_left_to_the_parent() -> None:
+    with worker_pool(1) as pool:
+        worker = pool.submit(os.getpid).result()
+        os.kill(worker, signal.SIGTERM)
+        assert pool.submit(os.getpid).result() == worker

@@ -157,6 +157,17 @@ def test_an_interrupt_that_was_discarded_is_raised_again(monkeypatch: pytest.Mon
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
+def test_a_second_signal_does_not_cut_off_what_the_first_one_ends() -> None:
+    """A child has SIGTERM from its group and from its parent."""
+    with interrupts() as received, pytest.raises(KeyboardInterrupt):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)
+            received.append(0)
+    assert received == [signal.SIGTERM, 0]
+
+
 def test_an_error_that_an_interrupt_causes_is_called_one(monkeypatch: pytest.MonkeyPatch,
                                                          capsys: pytest.CaptureFixture) -> None:
     """As of a module whose import was cut off; the same error without an interrupt is raised."""

@@ -8,6 +8,7 @@ import pytest
 from bundled import plan_of, rehearsal
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
+from robosim.base.files import write_status
 from robosim.base.output_folder import OutputFolder
 from robosim.base.resources import config_names, config_path
 from robosim.commands.main import main
@@ -129,6 +130,17 @@ def test_a_folder_belongs_to_one_process_at_a_time(tmp_path: Path, capsys: pytes
     first = OutputFolder(tmp_path)
     OutputFolder(tmp_path).write_json("report.json", {})
     first.clear(("report.json",))
+
+
+def test_a_folder_of_other_files_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    for words in (["rehearse", "spoon"], ["train", "sac", "Pendulum-v1"], ["report", "free_fall", "--quick"]):
+        assert main([*words, "--out", str(tmp_path)]) == 2
+        assert f"--out {tmp_path}: holds other files, such as notes.txt; accepted: a new or empty folder, or one of " \
+               "an earlier run" in capsys.readouterr().err
+        assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    write_status(tmp_path, "failed")
+    OutputFolder(tmp_path).release()
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
