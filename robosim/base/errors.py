@@ -54,3 +54,7 @@ class RobosimWarning(UserWarning):
 
 class BodyLeftGrid(RobosimWarning):
     """A coupled body is outside the solver's grid; it has no contact with grains until it returns."""
+
+
+class ModelNote(RobosimWarning):
+    """A part of a robot's model is left out, or assumed."""

@@ -9,7 +9,7 @@ from bundled import plan_of, read_bundled, rehearsal
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.base.resources import part_names
-from robosim.config.arm import BasePose
+from robosim.config.arm import Placement
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.clearance import LEAST, RobotClearance
@@ -102,7 +102,7 @@ def test_clearances_are_those_of_the_places() -> None:
     config = rehearsal("shovel", grip_turn_deg=0.0)
     plan = plan_motion(config)
     q, rise = plan.solution.q[0], 0.01
-    raised = config.model_copy(update={"base": BasePose(position=(0.0, 0.0, rise))})
+    raised = config.model_copy(update={"base": Placement(position=(0.0, 0.0, rise))})
     first, second = (RobotClearance(compile_rehearsal(c), plan.arm) for c in (config, raised))
     # the last one with an arm that stands where the configuration says
     low, high = first.measure(q), RobotClearance(compile_rehearsal(raised), Arm(assemble_rehearsal(raised))).measure(q)
