@@ -1,6 +1,8 @@
 """Errors of the scene and the robot: what was given, where, and what would be accepted."""
 
+import warnings
 from collections.abc import Iterable
+from typing import Any
 
 from mpm.errors import Picklable
 
@@ -57,4 +59,9 @@ class BodyLeftGrid(RobosimWarning):
 
 
 class ModelNote(RobosimWarning):
-    """A part of a robot's model is left out, or assumed."""
+    """A part of a robot's model is left out."""
+
+
+def note(text: str, shown: dict[Any, Any] = {}) -> None:  # noqa: B006
+    """Give a ModelNote, a text once; without a place in our code Python shows it in one line."""
+    warnings.warn_explicit(text, ModelNote, "robosim", 0, registry=shown)

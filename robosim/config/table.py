@@ -2,7 +2,7 @@
 
 Errors name the file or setting, the key, the value and what is accepted."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -76,14 +76,28 @@ def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: 
 def validate(data: dict[str, Any], path: Path, kind: type[Kind], overrides: dict | None = None,
              settings: Sequence[Setting] = ()) -> Kind:
     """Make a configuration of the content of a file; arguments and errors as of `load`."""
+    values = with_settings(data, settings) | (overrides or {})
     try:
-        return kind.model_validate(with_settings(data, settings) | (overrides or {}))
+        return kind.model_validate(values)
     except pydantic.ValidationError as error:
-        raise ConfigError(list_errors([_located(e, kind, path, settings) for e in error.errors()])) from None
+        raise ConfigError(list_errors(error, values, lambda e: _located(e, kind, path, settings))) from None
 
 
-def list_errors(texts: list[str]) -> str:
-    """Join the descriptions of errors, the first SHOWN of them."""
+def list_errors(error: pydantic.ValidationError, data: Any, line: Callable[[Any], str]) -> str:
+    """Join the descriptions of errors in data, the first SHOWN of them.
+
+    Pydantic's places name branches of unions between the keys, and a value that fits one branch has errors of all."""
+    errors = []
+    for one in error.errors():
+        place, value = tuple[int | str, ...](), data
+        for part in one["loc"]:
+            held = value if isinstance(value, dict) else range(len(value)) if isinstance(value, list | tuple) else ()
+            if part in held or isinstance(part, int) or (one["type"] == "missing" and part == one["loc"][-1]):
+                place, value = (*place, part), value[part] if part in held else None
+        errors.append({**one, "loc": place})
+    texts = [line(one) for one in errors if not (one["type"].endswith(("_type", "too_short")) and any(
+        other["loc"][:len(one["loc"])] == one["loc"] and (other["loc"] != one["loc"] or other["type"] == "value_error")
+        for other in errors))]
     more = f"; and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
     return "; ".join(texts[:SHOWN]) + more
 

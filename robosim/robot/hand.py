@@ -45,7 +45,7 @@ def load_hand(name: str) -> Hand | None:
 def load_hand_model(config: GripperConfig, place: Path) -> Hand:
     """Read a hand's model; place: folder of the file with relative paths. Raises ConfigError, UnknownName.
 
-    Joints of a URDF, which has no actuators, get position servos that press with the joint's effort."""
+    A joint without an actuator, as of a URDF, gets a position servo that presses with the joint's effort."""
     path = locate_model(config.model, place)
     spec = read_model(path, config.packages)
     roots = [body.name for body in spec.worldbody.bodies]
@@ -53,16 +53,15 @@ def load_hand_model(config: GripperConfig, place: Path) -> Hand:
         raise ConfigError(f"{path}: root bodies {', '.join(map(repr, roots)) or 'none'}; accepted: one, with a name")
     place_site(spec, config.grip, config.grip_pose.pose, f"{path}: grip")
     actuators = [actuator.name for actuator in spec.actuators if actuator.name]
-    joints = {joint.name: joint for joint in spec.joints if joint.name and path.suffix.lower() == ".urdf"}
+    joints = {joint.name: joint for joint in spec.joints if joint.name}
     for name, command in config.open.items():
         if name in actuators:
             continue
         if name not in joints:
             raise UnknownName(f"{path}: open, closed: actuator", name, [*actuators, *joints])
-        effort, way = max(joints[name].actfrcrange), abs(command - config.closed[name])
+        effort, way = joints[name].actfrcrange[1], abs(command - config.closed[name])
         if min(effort, way) <= 0.0:
-            raise ConfigError(f"{path}: open, closed: joint {name} goes {way:g} with effort {effort:g}; accepted: both "
-                              f"above 0")
+            raise ConfigError(f"{path}: joint {name} goes {way:g} with effort {effort:g}; accepted: both above 0")
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=effort / (0.1 * way), dampratio=1.0)
         servo.forcelimited, servo.forcerange = True, [-effort, effort]

@@ -35,6 +35,8 @@ def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.
         for number, body in enumerate(spec.bodies):
             body.name = body.name or f"{path.stem}_body_{number}"
             body.gravcomp = 0.0  # the servo compensates gravity
+        for number, one in enumerate(spec.equalities):
+            one.name = one.name or f"{number} of {one.name1} and {one.name2}"
         for key in list(spec.keys):
             spec.delete(key)
         spec.copy().compile()

@@ -3,7 +3,6 @@
 Any MJCF or URDF of a serial arm of 5 to 8 joints serves. What the model says is not asked for again; what neither the
 model nor the configuration says is an error, or an assumption that is named in `Robot.sources`."""
 
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
-from robosim.base.errors import ConfigError, ModelNote, UnknownName
+from robosim.base.errors import ConfigError, UnknownName, note
 from robosim.base.resources import part_path
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig
 from robosim.config.table import load
@@ -28,15 +27,6 @@ STIFFNESS, DAMPING = 30.0, 0.02
 DRIVES = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 CONFIGURED, ASSUMED = "configuration", "assumed"
-ELEMENTS = {"equality": "eq", "tendon": "tendon", "actuator": "actuator"}
-"""Kind of element -> accessor of the compiled model."""
-ACCEPTED = {
-    "lower_deg": "a range in the model, or limits.lower_deg", "upper_deg": "a range in the model, or limits.upper_deg",
-    "torque": "effort in the URDF, actuatorfrcrange, or an actuator's forcerange, or limits.torque",
-    "velocity": "velocity in the URDF, MJCF has no element for it, or limits.velocity",
-}
-"""Key of `limits` -> what says it."""
-
 
 @dataclass(frozen=True)
 class Robot:
@@ -97,10 +87,11 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     names, model = tuple(joint.name for joint in joints), spec.copy().compile()
     limits, sources, missing = collect_limits(model, names, config, path)
     if missing:
-        raise ConfigError(f"{path}: limits that neither the model nor the arm's file has: " + "; ".join(
-            f"{key} of {', '.join(lacking)} (accepted: {ACCEPTED[key]})" for key, lacking in missing.items()))
+        lacking = "; ".join(f"{key} of {', '.join(joints)}" for key, joints in missing.items())
+        raise ConfigError(f"{path}: has no {lacking}; accepted: all four of a URDF's <limit>, range and an actuator's "
+                          f"forcerange in an MJCF, or the keys of `limits` in the arm's file")
     if not np.any(model.geom_contype | model.geom_conaffinity):
-        warnings.warn(ModelNote(f"{path}: no shape of it collides; hand and tool alone keep clear"), stacklevel=2)
+        note(f"{path}: no shape of it collides; hand and tool alone keep clear of things")
     write_limits(spec, joints, limits)
     types, middle = [joint.type for joint in joints], (limits["lower"] + limits["upper"]) / 2.0
     home = middle if config.home_deg is None else to_si(names, types, config.home_deg, "home_deg", path)
@@ -123,11 +114,22 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
 
 
 def read_chain(spec: mujoco.MjSpec, flange: str, turn_deg: float, path: Path) -> tuple[list[Any], list[Any]]:
-    """Place the flange; returns bodies and joints from the base to it, all with names. Raises ConfigError."""
+    """Place the flange; returns bodies and joints from the base to it, all with names.
+
+    Raises ConfigError unless they are those of a serial arm, as Pinocchio has them."""
     turn = Pose(np.zeros(3), Rotation.from_euler("z", turn_deg, degrees=True).as_quat(scalar_first=True))
     bodies = place_site(spec, flange, turn, f"{path}: flange")
     joints = [joint for body in bodies for joint in body.joints]
-    check_chain(bodies, joints, path)
+    double = next((body.name for body in bodies if len(body.joints) > 1), None)
+    if double is not None:
+        raise ConfigError(f"{path}: body {double} has several joints; accepted: one for each body")
+    others = [joint.name or "without a name" for joint in joints if joint.type not in (HINGE, SLIDE)]
+    if others:
+        raise ConfigError(f"{path}: joint {others[0]} between base and flange has several degrees of freedom; "
+                          f"accepted: hinges and slides")
+    if not LEAST_JOINTS <= len(joints) <= MOST_JOINTS:
+        raise ConfigError(f"{path}: {len(joints)} joints between base and flange ("
+                          f"{', '.join(joint.name for joint in joints)}); accepted: {LEAST_JOINTS} to {MOST_JOINTS}")
     for number, joint in enumerate(joints, 1):
         joint.name = joint.name or f"joint_{number}"
     check_couplings(spec.copy().compile(), [joint.name for joint in joints], path)
@@ -195,20 +197,6 @@ def write_limits(spec: mujoco.MjSpec, joints: list[Any], limits: dict[str, np.nd
         motor.ctrlrange = motor.forcerange = [-most, most]
 
 
-def check_chain(bodies: list[Any], joints: list[Any], path: Path) -> None:
-    """Raise ConfigError unless joints are those of a serial arm, as Pinocchio has them."""
-    double = next((body.name for body in bodies if len(body.joints) > 1), None)
-    if double is not None:
-        raise ConfigError(f"{path}: body {double} has several joints; accepted: one for each body")
-    others = [joint.name or "without a name" for joint in joints if joint.type not in (HINGE, SLIDE)]
-    if others:
-        raise ConfigError(f"{path}: joint {others[0]} between base and flange has several degrees of freedom; "
-                          f"accepted: hinges and slides")
-    if not LEAST_JOINTS <= len(joints) <= MOST_JOINTS:
-        raise ConfigError(f"{path}: {len(joints)} joints between base and flange ("
-                          f"{', '.join(joint.name for joint in joints)}); accepted: {LEAST_JOINTS} to {MOST_JOINTS}")
-
-
 def check_couplings(model: mujoco.MjModel, names: list[str], path: Path) -> None:
     """Raise ConfigError for what else than its motor moves or holds a joint of the arm, by its name in the model.
 
@@ -228,56 +216,46 @@ def check_couplings(model: mujoco.MjModel, names: list[str], path: Path) -> None
     held = data.efc_id[(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (np.abs(data.efc_vel) > 1e-9)]
     driven = [k for k in np.flatnonzero(data.actuator_velocity)
               if not (model.actuator_trntype[k] in DRIVES and model.actuator_trnid[k, 0] in joints)]
-    for kind, found in (("equality", held), ("tendon", np.flatnonzero(data.ten_velocity)), ("actuator", driven)):
+    for kind, part, found in (("equality", model.eq, held), ("tendon", model.tendon, np.flatnonzero(data.ten_velocity)),
+                              ("actuator", model.actuator, driven)):
         if len(found):
-            k, also = int(found[0]), ""
-            if kind == "equality" and model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT:
-                also = " of " + " and ".join(model.joint(int(j)).name for j in (model.eq_obj1id[k], model.eq_obj2id[k])
-                                             if j >= 0)
-            raise ConfigError(f"{path}: {kind} {getattr(model, ELEMENTS[kind])(k).name or k}{also} acts on the arm's "
-                              f"joints (a <mimic> of a URDF is an equality); accepted: joints that only their own "
-                              f"motors move")
+            raise ConfigError(f"{path}: {kind} {part(int(found[0])).name or found[0]} acts on joints of the arm; "
+                              f"accepted: joints without <mimic>, which only their motors move")
 
 
 def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmConfig,
                    path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, list[str]]]:
     """Return the limits of joints, NaN where nothing says them, the source of each, and key -> joints without it."""
-    given, sources, missing = config.limits, {"range": "model"}, dict[str, list[str]]()
+    given, sources, missing = config.limits, dict[str, str](), dict[str, list[str]]()
     index = [model.joint(name).id for name in names]
     types, (speeds, continuous) = model.jnt_type[index], read_speeds(path)
 
-    def choose(key: str, other: Any, source: str, own: np.ndarray | None) -> Any:
+    def choose(key: str, other: np.ndarray, source: str = "model") -> np.ndarray:
         """The configured values, or those of another source where there are none."""
+        own = getattr(given, key)
         sources[key] = source if own is None else CONFIGURED
-        values = other if own is None else np.where(np.isnan(own), other, own)
-        if source == "model" and np.isnan(values).any():
+        own = np.full(len(names), np.nan) if own is None else to_si(names, types, own, key, path) \
+            if key.endswith("_deg") else per_joint(names, own, key, path)
+        values = np.where(np.isnan(own), other, own)
+        if np.isnan(values).any() and source == "model":
             missing[key] = [name for name, value in zip(names, values) if np.isnan(value)]
         return values
 
-    def configured(key: str) -> np.ndarray | None:
-        own = getattr(given, key)
-        return None if own is None else per_joint(names, own, key, path)
-
-    ends, turns = {}, np.array([name in continuous for name in names])
-    for end, side, values in zip(("lower_deg", "upper_deg"), (-2.0, 2.0), model.jnt_range[index].T):
-        known = np.where(turns, side * np.pi, np.where(model.jnt_limited[index], values, np.nan))
-        own = getattr(given, end)
-        ends[end] = choose(end, known, "model", None if own is None else to_si(names, types, own, end, path))
-        if sources.pop(end) == CONFIGURED:
-            sources["range"] = CONFIGURED
-    lower, upper = ends.values()
+    turns = np.array([name in continuous for name in names])
+    lower, upper = (choose(end, np.where(turns, side * np.pi, np.where(model.jnt_limited[index], values, np.nan)))
+                    for end, side, values in zip(("lower_deg", "upper_deg"), (-2.0, 2.0), model.jnt_range[index].T))
+    is_own = CONFIGURED in (sources.pop("lower_deg"), sources.pop("upper_deg"))
+    sources["range"] = CONFIGURED if is_own else "model" if not turns.any() else \
+        f"model; {ASSUMED}: a turn each way of {', '.join(np.array(names)[turns])}"
     if np.any(lower >= upper):
         k = int(np.argmax(lower >= upper))
         raise ConfigError(f"{path}: joint {names[k]} ranges from {lower[k]:.4g} to {upper[k]:.4g}; accepted: from less "
                           f"to more")
-    if turns.any() and sources["range"] == "model":
-        sources["range"] = f"model; {ASSUMED}: a turn each way of {', '.join(np.array(names)[turns])}"
-    torque = choose("torque", read_torques(model, index), "model", configured("torque"))
-    velocity = choose("velocity", np.array([speeds.get(name, np.nan) for name in names]), "model",
-                      configured("velocity"))
-    acceleration = choose("acceleration", velocity / TO_FULL_SPEED, ASSUMED, configured("acceleration"))
+    torque = choose("torque", read_torques(model, index))
+    velocity = choose("velocity", np.array([speeds.get(name, np.nan) for name in names]))
+    acceleration = choose("acceleration", velocity / TO_FULL_SPEED, ASSUMED)
     jerk = choose("jerk", velocity / (TO_FULL_SPEED * TO_FULL_ACCELERATION) if given.acceleration is None else
-                  acceleration / TO_FULL_ACCELERATION, ASSUMED, configured("jerk"))
+                  acceleration / TO_FULL_ACCELERATION, ASSUMED)
     limits = {"lower": lower, "upper": upper, "torque": torque, "velocity": velocity, "acceleration": acceleration,
               "jerk": jerk}
     for key in ("acceleration", "jerk"):
@@ -292,18 +270,16 @@ def read_torques(model: mujoco.MjModel, joints: list[int]) -> np.ndarray:
     An actuator without a forcerange whose control is a force, a motor, has that of its ctrlrange."""
     torque = np.full(len(joints), np.nan)
     for k, joint in enumerate(joints):
-        most = np.abs(model.jnt_actfrcrange[joint]).max() if model.jnt_actfrclimited[joint] else np.nan
-        for actuator in range(model.nu) if np.isnan(most) else ():
-            if model.actuator_trntype[actuator] in DRIVES and model.actuator_trnid[actuator, 0] == joint:
-                gear = abs(model.actuator_gear[actuator, 0])
-                is_motor = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED \
-                    and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-                if model.actuator_forcelimited[actuator]:
-                    most = gear * np.abs(model.actuator_forcerange[actuator]).max()
-                elif is_motor and model.actuator_ctrllimited[actuator]:
-                    gain = abs(model.actuator_gainprm[actuator, 0])
-                    most = gear * gain * np.abs(model.actuator_ctrlrange[actuator]).max()
-        torque[k] = most or np.nan
+        if model.jnt_actfrclimited[joint]:
+            torque[k] = np.abs(model.jnt_actfrcrange[joint]).max()
+            continue
+        for a in np.flatnonzero(np.isin(model.actuator_trntype, DRIVES) & (model.actuator_trnid[:, 0] == joint)):
+            gear, is_motor = abs(model.actuator_gear[a, 0]), model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED \
+                and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+            if model.actuator_forcelimited[a]:
+                torque[k] = gear * np.abs(model.actuator_forcerange[a]).max()
+            elif is_motor and model.actuator_ctrllimited[a]:
+                torque[k] = gear * np.abs(model.actuator_gainprm[a, 0] * model.actuator_ctrlrange[a]).max()
     return torque
 
 
@@ -316,5 +292,4 @@ def per_joint(names: tuple[str, ...], values: tuple[float, ...], key: str, path:
 
 def to_si(names: tuple[str, ...], types: Iterable[int], values: tuple[float, ...], key: str, path: Path) -> np.ndarray:
     """Return angles in rad, and places of joints that slide in m."""
-    return np.array([value * 1e-3 if kind == SLIDE else np.radians(value)
-                     for value, kind in zip(per_joint(names, values, key, path), types)])
+    return per_joint(names, values, key, path) * np.where(np.equal(types, SLIDE), 1e-3, np.pi / 180.0)

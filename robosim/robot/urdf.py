@@ -2,18 +2,17 @@
 
 import os
 import re
-import warnings
 import xml.etree.ElementTree as ET
-from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
-from robosim.base.errors import ConfigError, ModelNote
+from robosim.base.errors import ConfigError, note
 from robosim.base.input_files import read_text
 
-MAX_TEXT = 50_000_000
 READABLE = (".stl", ".obj", ".msh")
 """Meshes that MuJoCo reads."""
 
@@ -21,7 +20,7 @@ READABLE = (".stl", ".obj", ".msh")
 def parse_model(path: Path) -> ET.Element:
     """Parse an MJCF or URDF file; raises ConfigError for what is not XML."""
     try:  # MuJoCo takes comments with -- in them, which XML does not
-        return ET.fromstring(re.sub("<!--.*?-->", "", read_text(path, MAX_TEXT), flags=re.DOTALL))
+        return ET.fromstring(re.sub("<!--.*?-->", "", read_text(path, 50_000_000), flags=re.DOTALL))
     except ET.ParseError as error:
         raise ConfigError(f"{path}: cannot be read as a model: it is not XML: {error}") from None
 
@@ -31,37 +30,32 @@ def read_urdf(root: ET.Element, path: Path, packages: Mapping[str, str]) -> mujo
 
     Visual shapes are left out unless <mujoco> in the file says discardvisual="false" and MuJoCo reads their meshes."""
     for kind in ("link", "joint"):
-        names = Counter(element.get("name", "") for element in root.findall(kind))
-        if (double := next((name for name, count in names.items() if count > 1), None)) is not None:
-            raise ConfigError(f"{path}: {kind} {double!r} is there twice; accepted: a name for each")
-    for joint in root.findall("joint"):
-        if (mimic := joint.find("mimic")) is not None and mimic.get("joint") not in names:
-            raise ConfigError(f"{path}: joint {joint.get('name')!r} mimics {mimic.get('joint')!r}, which is no joint; "
-                              f"accepted: one of {', '.join(names)}")
-    compiler = root.find("mujoco/compiler")
-    own = {} if compiler is None else compiler.attrib
-    folder, found, are_kept, is_bare = path.parent / own.pop("meshdir", ""), dict[str, Path](), \
-        own.get("discardvisual") == "false", False
-    own.pop("strippath", None)
+        names = sorted(element.get("name", "") for element in root.findall(kind))
+        if double := [name for name, after in pairwise(names) if name == after]:
+            raise ConfigError(f"{path}: {kind} {double[0]!r} is there twice; accepted: a name for each")
+    for mimic in root.findall("joint/mimic"):
+        if mimic.get("joint") not in names:
+            raise ConfigError(f"{path}: <mimic> of {mimic.get('joint')!r}; accepted: a joint of {', '.join(names)}")
+    own = {} if (compiler := root.find("mujoco/compiler")) is None else compiler.attrib
+    folder, own["strippath"] = path.parent / own.pop("meshdir", ""), "false"
+    found, left_out = dict[str, Path](), False
     for link in root.findall("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
             mesh, is_seen = shape.find("geometry/mesh"), shape.tag == "visual"
-            file = None if mesh is None or (is_seen and not are_kept) else \
-                locate_mesh(mesh.get("filename", ""), folder, packages, path)
-            is_readable = file is None or file.suffix.lower() in READABLE
-            if is_seen and not (are_kept and is_readable):
-                link.remove(shape)
-                is_bare = True
-            elif not is_readable:
-                raise ConfigError(f"{path}: link {link.get('name')}: collision mesh {file}; accepted: "
-                                  f"{', '.join(READABLE)}, in metres; convert it")
-            elif mesh is not None and file is not None:
+            is_read = not is_seen or own.get("discardvisual") == "false"
+            if mesh is not None and is_read:
+                file = locate_mesh(mesh.get("filename", ""), folder, packages, path)
+                is_read = file.suffix.lower() in READABLE
                 mesh.set("filename", _unique_name(file, found))
-    if is_bare:
-        warnings.warn(ModelNote(f"{path}: shapes that are only seen (visual) are left out; pictures show those that "
-                                f"collide"), stacklevel=2)
+                if not is_read and not is_seen:
+                    raise ConfigError(f"{path}: link {link.get('name')}: collision mesh {file}; accepted: "
+                                      f"{', '.join(READABLE)}, in metres; convert it")
+            if not is_read:
+                link.remove(shape)
+                left_out = True
+    if left_out:
+        note(f"{path}: visual shapes are left out; pictures show those that collide")
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
-    spec.strippath = False
     for mesh in spec.meshes:
         mesh.file = str(found[mesh.file])
     return spec
@@ -69,62 +63,45 @@ def read_urdf(root: ET.Element, path: Path, packages: Mapping[str, str]) -> mujo
 
 def _unique_name(file: Path, found: dict[str, Path]) -> str:
     """Enter a file under a name that no other file has: MuJoCo names a mesh after it, and reads equal names once."""
-    name = next((name for name, other in found.items() if other == file), "")
     stem = file.stem
-    while not name or found.setdefault(name, file) != file:
-        name, stem = stem + file.suffix, stem + "_"
-    return name
+    while found.setdefault(stem + file.suffix, file) != file:
+        stem += "_"
+    return stem + file.suffix
 
 
 def locate_mesh(address: str, folder: Path, packages: Mapping[str, str], path: Path) -> Path:
     """Find the file of a mesh's address in a URDF; raises ConfigError with the places where it was looked for.
 
-    folder: what plain names are relative to; packages: name -> folder, before those that are found."""
+    folder: what plain names are relative to; packages: name -> folder. Other packages are folders beside or above the
+    URDF, or in ROS_PACKAGE_PATH, with that name or with a package.xml that says it."""
     scheme, mark, rest = address.partition("://")
     name, _, inner = rest.partition("/")
-    if not mark:
-        places = [folder / address, folder / Path(address).name]
-    elif scheme == "file":
-        places = [Path(rest)]
+    ros = os.environ.get("ROS_PACKAGE_PATH", "")
+    places = [folder / address, folder / Path(address).name] if not mark else [Path(rest)] if scheme == "file" else []
+    if scheme in ("package", "model") and name in packages:
+        places = [Path(packages[name]) / inner]
     elif scheme in ("package", "model"):
-        places = [root / inner for root in package_folders(name, packages, path)]
-    else:
-        places = []
-    found = next((place for place in places if place.is_file()), None)
-    if found is not None:
-        return found.resolve()
-    looked = f"not found as {' or '.join(map(str, places))}" if places else (
-        f"no folder of package {name} beside or above {path}, nor in ROS_PACKAGE_PATH = "
-        f"{os.environ.get('ROS_PACKAGE_PATH', '')!r}")
-    raise ConfigError(f"{path}: mesh {address}: {looked}; accepted: package://, model://, file:// or a path of a file, "
-                      f"and the key packages: {{{name or 'NAME'}: FOLDER}} for packages elsewhere")
-
-
-def package_folders(name: str, packages: Mapping[str, str], path: Path) -> Iterator[Path]:
-    """Yield the folders that may be a ROS package: that of the key, beside or above the file, of the environment."""
-    if name in packages:
-        yield Path(packages[name])
-        return
-    for above in path.resolve().parents:
-        manifest = read_text(above / "package.xml") if (above / "package.xml").is_file() else ""
-        if above.name == name or f"<name>{name}</name>" in "".join(manifest.split()):
-            yield above
-        if (above / name).is_dir():
-            yield above / name
-    for place in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
-        yield from (root for root in (Path(place) / name, Path(place)) if root.name == name and root.is_dir())
+        above = [*path.resolve().parents, *(Path(place) for place in ros.split(os.pathsep) if place)]
+        roots = [(root, root / "package.xml") for one in above for root in (one, one / name)]
+        places = [root / inner for root, manifest in roots if root.name == name or (
+            manifest.is_file() and f"<name>{name}</name>" in "".join(read_text(manifest).split()))]
+    for place in places:
+        if place.is_file():
+            return place.resolve()
+    raise ConfigError(f"{path}: mesh {address}: not found" + "".join(f", not as {place}" for place in places) +
+                      "; accepted: a path, file://PATH, or package://NAME/PATH with a folder NAME beside or above the "
+                      "URDF, in ROS_PACKAGE_PATH, or of the key packages: {NAME: FOLDER}")
 
 
 def read_speeds(path: Path) -> tuple[dict[str, float], set[str]]:
     """Return the speed limits above zero [rad/s], [m/s] of a URDF's joints, and the names of the continuous ones."""
-    joints = {joint.get("name", ""): joint for joint in parse_model(path).findall("joint")}
-    speeds = {}
-    for name, joint in joints.items():
-        limit = joint.find("limit")
+    speeds, root = dict[str, float](), parse_model(path)
+    for joint in root.findall("joint"):
+        name, limit = joint.get("name", ""), joint.find("limit")
         text = "0" if limit is None else limit.get("velocity", "0")
         try:
             speeds[name] = float(text)
         except ValueError:
             raise ConfigError(f"{path}: joint {name}: velocity = {text!r}; accepted: a number [rad/s], [m/s]") from None
-    return ({name: speed for name, speed in speeds.items() if 0.0 < speed < float("inf")},
-            {name for name, joint in joints.items() if joint.get("type") == "continuous"})
+    return ({name: speed for name, speed in speeds.items() if 0.0 < speed < np.inf},
+            {joint.get("name", "") for joint in root.findall("joint[@type='continuous']")})

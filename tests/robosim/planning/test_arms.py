@@ -77,6 +77,12 @@ def test_a_tool_is_bolted_to_the_flange(robot: str) -> None:
     assert plan.arm.assembly.gripper_name == "none" and plan.arm.model.nv == len(plan.arm.joints)
 
 
+def test_an_arm_hangs_from_above() -> None:
+    base = {"position": [0.3, -0.1, 1.2], "rotation_deg": [180, 0, 0]}
+    plan = plan_motion(change(base=base, grip_turn_deg=0.0))
+    assert plan.clearance.surroundings.distance > 0.01 and plan.solution.margin > 0.1
+
+
 def test_a_friction_grasp_needs_a_hand() -> None:
     with pytest.raises(ConfigError, match="grasp: friction with gripper: none; accepted: grasp: weld, or a gripper"):
         plan_motion(change(gripper="none", grasp="friction"))

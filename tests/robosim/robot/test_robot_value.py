@@ -63,13 +63,12 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     speeds = {"velocity": [2.0] * 6}
     arm = write_arm(tmp_path / "arm.xml", 6)
     cases: list[tuple[Path, dict[str, Any], str]] = [
-        (arm, {}, "neither .* has: velocity of j0, j1, j2, j3, j4, j5 .accepted: .* or limits.velocity"),
+        (arm, {}, "has no velocity of j0, j1, j2, j3, j4, j5; accepted"),
         (arm, {"limits": {"velocity": [1.0] * 5}}, "velocity has 5 values; accepted: 6"),
         (arm, {"limits": speeds, "home_deg": [0, 0, 0, 130, 0, 0]}, "home_deg: joint j3 = 2.269; accepted: -1.745"),
-        (write_arm(tmp_path / "free.xml", 6, limited=False), {"limits": speeds}, 
-         "has: lower_deg of j0, .*; upper_deg of j0, j1, j2, j3, j4, j5 .accepted: a range in the model"),
+        (write_arm(tmp_path / "free.xml", 6, limited=False), {"limits": speeds}, "no lower_deg of j0.*; upper"),
         (write_arm(tmp_path / "short.xml", 4), {}, "4 joints between base and flange .* accepted: 5 to 8"),
-        (write_arm(tmp_path / "nameless.xml", 6, named=False), {}, "has: torque of joint_1, .*; velocity of joint_1"),
+        (write_arm(tmp_path / "nameless.xml", 6, named=False), {}, "torque of joint_1, .*; velocity of joint_1"),
         (tmp_path / "none.xml", {}, "no such file; accepted: a model of MuJoCo"),
     ]
     (tmp_path / "text.xml").write_text("no model")

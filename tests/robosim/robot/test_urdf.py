@@ -1,6 +1,7 @@
 """Descriptions as laboratories have them: ROS packages, mimic joints, zeros, hands; read, or refused by name."""
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,16 +9,17 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from written_arms import write_urdf
+from written_arms import write_arm, write_urdf
 
 from robosim.base.errors import ConfigError, ModelNote
+from robosim.commands.main import main
 from robosim.config.arm import ArmConfig
 from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.robot import load_arm, load_robot_model
+from robosim.scene.models import assemble
 
 BOX = '<box size="0.1 0.1 0.1"/>'
-LIMIT = '<limit lower="-2.5" upper="2.5" effort="10{k}" velocity="{k}.5"/>'
 
 
 def read(path: Path, **more: Any) -> Any:
@@ -67,17 +69,106 @@ def test_meshes_are_found_each_its_own(urdf: str, package: str, address: str, by
 def test_meshes_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     """Refused with address and places; of visual ones there is a note."""
     path = tmp_path / "a.urdf"
-    for address, message in (("package://no_such/m.stl", r"a.urdf: mesh package://no_such/m.stl: no folder of package "
-                              r"no_such beside or above .*, nor in ROS_PACKAGE_PATH = .* key packages: \{no_such"),
-                             ("m.stl", "mesh m.stl: not found as .*m.stl"), ("http://x/m.stl", "mesh http://x/m.stl"),
+    for address, message in (("package://no_such/m.stl", "a.urdf: mesh package://no_such/m.stl: not found, "
+                              f"not as {tmp_path}/no_such/m.stl, .* or of the key packages: .NAME"),
+                             ("m.stl", f"mesh m.stl: not found, not as {tmp_path}/m.stl"), ("http://x/m.stl", "mesh http://x/m.stl"),
                              ("own.dae", "link base_link: collision mesh .*own.dae; accepted: .stl, .obj, .msh")):
         (tmp_path / "own.dae").touch()
         write_urdf(path, (BOX, f'<mesh filename="{address}"/>'))
         with pytest.raises(ConfigError, match=message):
             read(path)
-    visual = '<visual><geometry><mesh filename="own.dae"/></geometry></visual>'
-    for keep, seen in ((), "visual.* are left out"), ((("</robot>", '<mujoco><compiler discardvisual="false"/></mujoco>'
-                                                      "</robot>"),), "visual.* are left out"):
-        write_urdf(path, ("</link><link", f"{visual}</link><link"), *keep)
-        with pytest.warns(ModelNote, match=seen):
+    visual = '<visual><geometry><mesh filename="own.dae"/></geometry></visual></link><link name="l0"'
+    for kept in "true", "false":
+        write_urdf(path, ('</link><link name="l0"', visual),
+                   ("</robot>", f'<mujoco><compiler discardvisual="{kept}"/></mujoco></robot>'))
+        with pytest.warns(ModelNote, match="a.urdf: visual shapes are left out"):
             assert read(path, limits={"velocity": [1.0] * 6}).joints[0] == "q0"
+
+
+LIMIT = 'lower="-2.5" upper="2.5" effort="10%d" velocity="%d.5"/>'
+WRONG = {
+    "equality 0 of q5 and q2 acts": (LIMIT % (5, 5), LIMIT % (5, 5) + '<mimic joint="q2"/>'),
+    "<mimic> of 'none'; accepted: a joint of q0": (LIMIT % (5, 5), LIMIT % (5, 5) + '<mimic joint="none"/>'),
+    "joint 'q1' is there twice": ('"q2"', '"q1"'),
+    "joint q3: velocity = 'fast'": ("3.5", "fast"),
+    "settotalmass = 20 would": ("</robot>", '<mujoco><compiler settotalmass="20"/></mujoco></robot>'),
+    "no lower_deg of q3; upper_deg of q3; torque of q1, q4; velocity of q2; acc": (
+        LIMIT % (3, 3), 'effort="3" velocity="3"/>', '"101"', '"0"', '"104"', '"0"', '"2.5"/>', '"0"/>'),
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_what_a_urdf_lacks_or_adds_is_named(message: str, tmp_path: Path) -> None:
+    """All that is missing at once."""
+    changes = WRONG[message]
+    with pytest.raises(ConfigError, match=f"a.urdf: .*{message}"):
+        read(write_urdf(tmp_path / "a.urdf", *zip(changes[::2], changes[1::2])))
+
+
+@pytest.mark.parametrize(("place", "added", "message"), [
+    ('<joint name="j1"', ' springdamper="0.1 1"', "joint j1 has stiffness"),
+    ("</worldbody>", '<tendon><fixed name="belt"><joint joint="j0" coef="1"/></fixed></tendon>', "tendon belt acts"),
+    ("</worldbody>", '<equality><connect name="pin" body1="l3" anchor="0 0 0"/></equality>', "equality pin acts"),
+    ("<actuator>", '<motor name="jet" site="tip" gear="1 0 0 0 0 0"/>', "actuator jet acts"),
+    ("</worldbody>", '<equality><joint name="own" joint1="f"/></equality>', "has no velocity"),
+])
+def test_elements_that_move_joints_beside_their_motors_are_named(place: str, added: str, message: str,
+                                                                 tmp_path: Path) -> None:
+    """In the compiled model; those of a finger alone are its own."""
+    path = write_arm(tmp_path / "arm.xml", 6)
+    path.write_text(path.read_text().replace(place, place + added, 1))
+    with pytest.raises(ConfigError, match=message):
+        read(path, flange="tip")
+
+
+def test_a_new_arms_file_says_what_to_fill_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All at once; it stands beside the URDF, is the arm when that is done, and is not replaced."""
+    path = write_urdf(tmp_path / "Lab 1.urdf", ('"101"', '"0"'), ('"2.5"/>', '"0"/>'), ('"4.5"/>', '"0"/>'))
+    assert main(["new", "arm", str(path)]) == 0 and main(["new", "arm", str(path)]) == 2
+    file = path.with_suffix(".yaml")
+    assert capsys.readouterr().out.splitlines() == [
+        "to fill in: limits.torque of q1", "to fill in: limits.velocity of q2, q4", str(file)]
+    with pytest.raises(ConfigError, match="has no torque of q1; velocity of q2, q4; accepted"):
+        load_arm(str(file))
+    text = file.read_text()
+    assert "# To fill in: q2, q4; null: as in the model\n  velocity: [0.5, 1.5, null, 3.5, null, 5.5]\n" in text
+    file.write_text(re.sub("(velocity|torque): .*", r"\1: [7, 7, 7, 7, 7, 7]", text))
+    robot = load_arm(str(file))
+    assert robot.flange == "tool0" and robot.torque.tolist() == robot.velocity.tolist() == [7.0] * 6
+
+
+def test_a_continuous_joint_and_a_motor_say_their_limits(tmp_path: Path) -> None:
+    """A turn each way, which is said to be assumed; a motor's force where nothing else limits it. No shape: a note."""
+    robot = read(write_urdf(tmp_path / "a.urdf", ('"q3" type="revolute"', '"q3" type="continuous"')))
+    assert np.degrees([robot.lower[3], robot.upper[3]]) == pytest.approx([-360, 360]) and robot.home[3] == 0.0
+    assert robot.sources["range"].endswith("assumed: a turn each way of q3")
+    path = write_arm(tmp_path / "arm.xml", 6, actuator="motor")
+    path.write_text(path.read_text().replace("force", "ctrl").replace("<geom ", '<geom contype="0" conaffinity="0" '))
+    with pytest.warns(ModelNote, match="no shape of it collides"):
+        robot = read(path, flange="tip", limits={"velocity": [2.0] * 6})
+    assert robot.torque == pytest.approx(2.0 * (20.0 + np.arange(6)))
+
+
+INERTIA = '<inertial><mass value="{}"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>'
+FINGER = """<link name="{0}">{3}</link><joint name="{0}_joint" type="prismatic"><parent link="palm"/><child link="{0}"/>
+<axis xyz="0 {1} 0"/><limit lower="0" upper="0.05" effort="40" velocity="1"/>{2}</joint>"""
+
+
+def test_a_urdf_hand_closes_with_its_mimic_finger(tmp_path: Path) -> None:
+    """Its joint is the actuator, its grip a pose in the frame of a link."""
+    fingers = ("left", 1, ""), ("right", -1, '<mimic joint="left_joint"/>')
+    (tmp_path / "hand.urdf").write_text(f'<robot name="hand"><link name="palm">{INERTIA.format(0.5)}</link>' + "".join(
+        FINGER.format(*finger, INERTIA.format(0.05)) for finger in fingers) + "</robot>")
+    path = tmp_path / "hand.yaml"
+    path.write_text("model: hand.urdf\ngrip: palm\ngrip_pose: {position: [0, 0, 0.1], rotation_deg: [90, 0, 0]}\n"
+                    "open: {left_joint: 0.04}\nclosed: {left_joint: 0.01}\n")
+    model = compile_spec(assemble("spoon", "ur5e", str(path)).build_spec())
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    palm, grip = data.body("hand_palm"), data.site("spoon_grip")
+    R = palm.xmat.reshape(3, 3).T
+    assert R @ (grip.xpos - palm.xpos) == pytest.approx([0, 0, 0.1], abs=1e-9)
+    assert R @ grip.xmat.reshape(3, 3)[:, 1] == pytest.approx([0, 0, 1], abs=1e-9)
+    data.ctrl[model.actuator("hand_left_joint").id], model.opt.gravity[:] = 0.04, 0.0
+    mujoco.mj_step(model, data, 1000)
+    assert [data.joint(f"hand_{side}_joint").qpos[0] for side, *_ in fingers] == pytest.approx([0.04] * 2, abs=1e-3)
