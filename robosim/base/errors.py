@@ -58,10 +58,6 @@ class BodyLeftGrid(RobosimWarning):
     """A coupled body is outside the solver's grid; it has no contact with grains until it returns."""
 
 
-class ModelNote(RobosimWarning):
-    """A part of a robot's model is left out."""
-
-
 def note(text: str, shown: dict[Any, Any] = {}) -> None:  # noqa: B006
-    """Give a ModelNote, a text once; without a place in our code Python shows it in one line."""
-    warnings.warn_explicit(text, ModelNote, "robosim", 0, registry=shown)
+    """Warn once, in one line: Python shows no place in our code."""
+    warnings.warn_explicit(text, RobosimWarning, "robosim", 0, registry=shown)

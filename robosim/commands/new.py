@@ -23,9 +23,6 @@ USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "mate
 MODELS = (".urdf", ".xml", ".mjcf")
 FLANGES = ("tool0", "flange", "attachment_site", "ee_link", "tcp")
 """Usual names of the place where a hand is mounted, the most usual first."""
-LOADERS = {"rehearsal": "robosim.config.rehearsal:load_rehearsal", "task": "robosim.tasks.task:load_task",
-           "material": "robosim.config.materials:load_material", "arm": "robosim.robot.robot:load_arm"}
-"""Kind of file -> module and function that reads it."""
 
 
 def add_parser(commands: Any) -> None:
@@ -44,12 +41,11 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the file."""
-    kind = options.kind
-    model = options.name if kind == "arm" and options.name.suffix.lower() in MODELS else None
-    basis = options.basis or BASES[kind]
-    path = options.name.with_suffix(".yaml") if model else options.name if options.name.suffix in (".yaml", ".yml") \
-        else Path(f"{options.name}.yaml")
-    source = None if model else find_source(kind, basis)
+    kind, path, basis = options.kind, options.name, options.basis or BASES[options.kind]
+    is_model = kind == "arm" and path.suffix.lower() in MODELS
+    source = path if is_model else find_source(kind, basis)
+    if path.suffix not in (".yaml", ".yml"):
+        path = path.with_suffix(".yaml") if is_model else Path(f"{path}.yaml")
     if path.exists():
         raise ConfigError(f"{path}: exists already and is left as it is; give another name, or remove it")
     if not path.parent.is_dir():
@@ -57,15 +53,17 @@ def run(options: argparse.Namespace) -> int:
     if path.stem in bundled_names(kind) and path.parent == Path():
         print(f"note: {path.stem} without .yaml still means the bundled {kind}")
     from robosim.commands.description import template
-    from robosim.config.table import read
+    from robosim.config.materials import load_material
+    from robosim.config.table import load, read
 
     missing: dict[str, list[str]] = {}
-    if source is None:
-        (table, missing), schema, made = draft_arm(options.name), import_name(KINDS[kind]), options.name.name
+    schema = type(load_material(str(source))) if kind == "material" else import_name(KINDS[kind])
+    if is_model:
+        table, missing = draft_arm(source)
     else:
-        table, schema = locate_paths(read(source), source.parent), schema_of(kind, source)
-        made = f"{path.stem} --from {basis}"
-    assert isinstance(table, dict)  # or it would not have loaded
+        load(source, schema)  # refuses a file that is not valid
+        table = locate_paths(read(source), source.parent)
+    made = source.name if is_model else f"{path.stem} --from {basis}"
     heading = (f"A {kind}, made by `robosim new {kind} {made}`; used by "
                f"`{USES[kind].format(str(path))}`. In brackets: accepted values; default. "
                f"A key after a # has its default; to change it, remove the #.")
@@ -88,11 +86,10 @@ def draft_arm(path: Path) -> tuple[dict[str, Any], dict[str, list[str]]]:
 
     spec = read_model(path)
     names = [part.name for part in (*spec.sites, *spec.bodies)]
-    behind = {"": 0, "world": 0}
+    behind = {"world": 0}
     for body in spec.bodies[1:]:
         behind[body.name] = behind[body.parent.name] + len(body.joints)
-    most = max(behind.values())
-    flange = next((name for name in FLANGES if name in names), [name for name in behind if behind[name] == most][-1])
+    flange = next((name for name in FLANGES if name in names), max(reversed(behind), key=behind.__getitem__))
     joints = tuple(joint.name for joint in read_chain(spec, flange, 0.0, path)[1])
     table: dict[str, Any] = {"model": path.name, "flange": flange, "payload": None}
     limits, _, missing = collect_limits(spec.compile(), joints, ArmConfig.model_validate(table), path)
@@ -108,12 +105,4 @@ def bundled_names(kind: str) -> list[str]:
 
 def find_source(kind: str, basis: str) -> Path:
     """Return the file to copy; raises ConfigError, UnknownName."""
-    if kind != "arm":
-        return config_path(f"{kind}s", basis, kind)
-    return part_path("robots", basis, kind)
-
-
-def schema_of(kind: str, path: Path) -> Any:
-    """Find the schema of a valid file; raises ConfigError for one that is not."""
-    loaded = import_name(LOADERS[kind])(str(path))
-    return import_name(KINDS["arm"]) if kind == "arm" else type(loaded)
+    return part_path("robots", basis, kind) if kind == "arm" else config_path(f"{kind}s", basis, kind)

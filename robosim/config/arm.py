@@ -4,9 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mpm.geometry.rigid_motion import Pose
-from robosim.config.bounds import Angle, FilePath, JointValue, Mass, Name, Text
-from robosim.config.table import Table, Vector3, make_pose
+from robosim.config.bounds import FilePath, JointValue, Mass, Name, Text
+from robosim.config.table import Placement, Table
 
 Grip = Literal["weld", "friction"]
 """How a hand holds a tool."""
@@ -43,9 +42,9 @@ class StepwiseLimits(Table):
     """Limits of a motion that is commanded step by step, as an agent does in an environment."""
 
     acceleration: PerJoint | None = None
-    """[rad/s^2], [m/s^2]; null: as of `limits`."""
+    """Largest acceleration of each joint [rad/s^2], [m/s^2]; null: as of the arm's `limits`."""
     jerk: PerJoint | None = None
-    """[rad/s^3], [m/s^3]; null: as of `limits`."""
+    """Largest jerk of each joint [rad/s^3], [m/s^3]; null: as of the arm's `limits`."""
 
 
 class ArmServo(Table):
@@ -55,20 +54,6 @@ class ArmServo(Table):
     """[N m/rad]"""
     damping: PerJoint
     """[N m s/rad]"""
-
-
-class Placement(Table):
-    """A pose: of the arm's base in the world, or of the grip in the frame of a hand's site or link."""
-
-    position: Vector3 = (0.0, 0.0, 0.0)
-    """[m]"""
-    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    """About x, then y, then z of the world, or of that frame."""
-
-    @property
-    def pose(self) -> Pose:
-        """The pose itself."""
-        return make_pose(self.position, self.rotation_deg)
 
 
 class ArmConfig(Table):
@@ -87,6 +72,7 @@ class ArmConfig(Table):
     mount_turn_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
     """Turn of the hand, or of the bolted tool, about the flange's z."""
     base: Placement = Placement()
+    """Where the arm's base stands in the world."""
     packages: Packages | None = None
     """ROS package -> its folder, for meshes with package:// in a URDF that are neither beside nor above it."""
     home_deg: Annotated[tuple[JointPlace, ...], OfJoints] | None = None

@@ -9,12 +9,12 @@ from pydantic import Field
 from mpm.geometry.rigid_motion import Pose
 from robosim.base.resources import config_path
 from robosim.config import bounds
-from robosim.config.arm import ArmConfig, ArmServo, Grip, GripperConfig, Placement
+from robosim.config.arm import ArmConfig, ArmServo, Grip, GripperConfig
 from robosim.config.motion import DoseConfig, JointTrajectoryConfig, MotionLimitsConfig
 from robosim.config.scene import ObstacleConfig, RegionConfig
 from robosim.config.scene_config import SceneConfig
 from robosim.config.settings import Setting
-from robosim.config.table import Table, Vector3, load, make_pose
+from robosim.config.table import Placement, Table, Vector3, load
 
 APPROACH = "approach"
 """Name of the waypoint from which a hand approaches a tool that it picks up."""
@@ -33,7 +33,7 @@ class PathConfig(Table):
     """Largest distance [m] between the rounded path and the screw motions inside a container."""
 
 
-class WaypointConfig(Table):
+class WaypointConfig(Placement):
     """A pose of the tool, reached by a screw motion from the waypoint before."""
 
     name: bounds.Name
@@ -42,8 +42,6 @@ class WaypointConfig(Table):
     """Frame of position and rotation: "world", or the name of a container."""
     position: Vector3
     """Position of the tool's frame [m]."""
-    rotation_deg: tuple[bounds.Angle, bounds.Angle, bounds.Angle] = (0.0, 0.0, 0.0)
-    """Rotations about the frame's x, then y, then z axis [deg]."""
     speed: bounds.Speed
     """Speed of the tool on the way to this waypoint [m/s]."""
     angular_speed: bounds.AngularSpeed = 1.5
@@ -168,7 +166,7 @@ class RehearsalConfig(SceneConfig):
 
     def tool_pose(self, waypoint: WaypointConfig) -> Pose:
         """Return the world pose of the tool's frame at a waypoint."""
-        local = make_pose(waypoint.position, waypoint.rotation_deg)
+        local = waypoint.pose
         return local if waypoint.frame == "world" else self.containers[waypoint.frame].pose @ local
 
     @property

@@ -16,7 +16,7 @@ from mpm.geometry.rigid_motion import Pose
 from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_text
 from robosim.base.resources import locate_paths
-from robosim.config.bounds import Coordinate, Name, Text
+from robosim.config.bounds import Angle, Coordinate, Name, Text
 from robosim.config.settings import Setting, parse_yaml, with_settings
 
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
@@ -38,9 +38,19 @@ class Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
-def make_pose(position: Vector3, rotation_deg: Vector3) -> Pose:
-    """Return a pose in a frame; rotation_deg: about the frame's x, then its y, then its z."""
-    return Pose(np.array(position), Rotation.from_euler("xyz", rotation_deg, degrees=True).as_quat(scalar_first=True))
+class Placement(Table):
+    """A pose in the world, or in another frame."""
+
+    position: Vector3 = (0.0, 0.0, 0.0)
+    """[m]"""
+    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    """Rotations about the frame's x, then y, then z axis [deg]."""
+
+    @property
+    def pose(self) -> Pose:
+        """The pose itself."""
+        turn = Rotation.from_euler("xyz", self.rotation_deg, degrees=True)
+        return Pose(np.array(self.position), turn.as_quat(scalar_first=True))
 
 
 class Quantity(Table):

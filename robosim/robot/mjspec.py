@@ -42,7 +42,7 @@ def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.
         spec.copy().compile()
     except ConfigError:
         raise
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: cannot be read as a model: {' '.join(str(error).split())}") from None
     return spec
 

@@ -104,11 +104,8 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     sources["servo"] = ASSUMED if servo is None else CONFIGURED
     stiffness = STIFFNESS * limits["torque"] if servo is None else per_joint(names, servo.stiffness, "stiffness", path)
     damping = DAMPING * stiffness if servo is None else per_joint(names, servo.damping, "damping", path)
-    gripper = config.gripper  # a file's path is relative to that folder
-    if gripper.endswith((".yaml", ".yml")):
-        gripper = str((place / gripper).resolve())
     return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=config.base.pose, flange=config.flange,
-                 joints=names, home=home, gripper=gripper, standoff=config.standoff,
+                 joints=names, home=home, gripper=config.gripper, standoff=config.standoff,
                  stiffness=stiffness, damping=damping, payload=config.payload, sources=sources, touching=touching,
                  slides=tuple(joint.name for joint in joints if joint.type == SLIDE), **limits)
 
@@ -237,16 +234,14 @@ def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmCon
         own = np.full(len(names), np.nan) if own is None else to_si(names, types, own, key, path) \
             if key.endswith("_deg") else per_joint(names, own, key, path)
         values = np.where(np.isnan(own), other, own)
-        if np.isnan(values).any() and source == "model":
+        if np.isnan(values).any() and source != ASSUMED:
             missing[key] = [name for name, value in zip(names, values) if np.isnan(value)]
         return values
 
-    turns = np.array([name in continuous for name in names])
-    lower, upper = (choose(end, np.where(turns, side * np.pi, np.where(model.jnt_limited[index], values, np.nan)))
-                    for end, side, values in zip(("lower_deg", "upper_deg"), (-2.0, 2.0), model.jnt_range[index].T))
-    is_own = CONFIGURED in (sources.pop("lower_deg"), sources.pop("upper_deg"))
-    sources["range"] = CONFIGURED if is_own else "model" if not turns.any() else \
-        f"model; {ASSUMED}: a turn each way of {', '.join(np.array(names)[turns])}"
+    turns, limited = [name in continuous for name in names], model.jnt_limited[index]
+    source = f"model, {ASSUMED} a turn each way for continuous joints" if any(turns) else "model"
+    lower, upper = (choose(end, np.where(turns, side, np.where(limited, values, np.nan)), source) for end, side, values
+                    in zip(("lower_deg", "upper_deg"), (-2.0 * np.pi, 2.0 * np.pi), model.jnt_range[index].T))
     if np.any(lower >= upper):
         k = int(np.argmax(lower >= upper))
         raise ConfigError(f"{path}: joint {names[k]} ranges from {lower[k]:.4g} to {upper[k]:.4g}; accepted: from less "

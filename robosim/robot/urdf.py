@@ -46,7 +46,10 @@ def read_urdf(root: ET.Element, path: Path, packages: Mapping[str, str]) -> mujo
             if mesh is not None and is_read:
                 file = locate_mesh(mesh.get("filename", ""), folder, packages, path)
                 is_read = file.suffix.lower() in READABLE
-                mesh.set("filename", _unique_name(file, found))
+                stem = file.stem + "_"  # MuJoCo reads meshes of equal names once; scaled ones get a number behind it
+                while found.setdefault(stem + file.suffix, file) != file:
+                    stem += "_"
+                mesh.set("filename", stem + file.suffix)
                 if not is_read and not is_seen:
                     raise ConfigError(f"{path}: link {link.get('name')}: collision mesh {file}; accepted: "
                                       f"{', '.join(READABLE)}, in metres; convert it")
@@ -59,14 +62,6 @@ def read_urdf(root: ET.Element, path: Path, packages: Mapping[str, str]) -> mujo
     for mesh in spec.meshes:
         mesh.file = str(found[mesh.file])
     return spec
-
-
-def _unique_name(file: Path, found: dict[str, Path]) -> str:
-    """Enter a file under a name that no other file has: MuJoCo names a mesh after it, and reads equal names once."""
-    stem = file.stem
-    while found.setdefault(stem + file.suffix, file) != file:
-        stem += "_"
-    return stem + file.suffix
 
 
 def locate_mesh(address: str, folder: Path, packages: Mapping[str, str], path: Path) -> Path:

@@ -11,8 +11,9 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.base.resources import folder
-from robosim.config.arm import ArmConfig, GripperConfig, Placement
+from robosim.config.arm import ArmConfig, GripperConfig
 from robosim.config.scene import ContainerConfig
+from robosim.config.table import Placement
 from robosim.config.tool import ToolConfig, load_bundled
 from robosim.robot.assembly import Assembly, ToolModel
 from robosim.robot.hand import load_hand, load_hand_model

@@ -9,9 +9,9 @@ from bundled import plan_of, read_bundled, rehearsal
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.base.resources import part_names
-from robosim.config.arm import Placement
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.table import Placement
 from robosim.planning.clearance import LEAST, RobotClearance
 from robosim.planning.plan import plan_motion
 from robosim.planning.waypoint_path import WaypointPath
