@@ -40,7 +40,7 @@ class WaypointConfig(Placement):
     """Its name in reports and errors."""
     frame: bounds.Name
     """Frame of position and rotation: "world", or the name of a container."""
-    position: Vector3
+    position: Vector3 = Field(...)
     """Position of the tool's frame [m]."""
     speed: bounds.Speed
     """Speed of the tool on the way to this waypoint [m/s]."""

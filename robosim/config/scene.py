@@ -87,7 +87,7 @@ class ObstacleConfig(Placement):
 
     name: bounds.Name
     """Its name in errors and reports."""
-    position: Vector3
+    position: Vector3 = Field(...)
     """Centre [m]."""
     half: tuple[bounds.HalfSize, bounds.HalfSize, bounds.HalfSize]
     """Half sizes [m]; of a cylinder the first is the radius."""

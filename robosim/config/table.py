@@ -99,11 +99,13 @@ def list_errors(error: pydantic.ValidationError, data: Any, line: Callable[[Any]
     Pydantic's places name branches of unions between the keys, and a value that fits one branch has errors of all."""
     errors = []
     for one in error.errors():
-        place, value = tuple[int | str, ...](), data
+        value: Any = data
+        place: tuple[int | str, ...] = ()
         for part in one["loc"]:
-            held = value if isinstance(value, dict) else range(len(value)) if isinstance(value, list | tuple) else ()
+            held: Any = dict(enumerate(value)) if isinstance(value, list | tuple) else value
+            held = held if isinstance(held, dict) else {}
             if part in held or isinstance(part, int) or (one["type"] == "missing" and part == one["loc"][-1]):
-                place, value = (*place, part), value[part] if part in held else None
+                place, value = (*place, part), held.get(part)
         errors.append({**one, "loc": place})
     texts = [line(one) for one in errors if not (one["type"].endswith(("_type", "too_short")) and any(
         other["loc"][:len(one["loc"])] == one["loc"] and (other["loc"] != one["loc"] or other["type"] == "value_error")

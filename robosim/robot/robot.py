@@ -3,7 +3,7 @@
 Any MJCF or URDF of a serial arm of 5 to 8 joints serves. What the model says is not asked for again; what neither the
 model nor the configuration says is an error, or an assumption that is named in `Robot.sources`."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -285,6 +285,6 @@ def per_joint(names: tuple[str, ...], values: tuple[float, ...], key: str, path:
     return np.array(values, float)
 
 
-def to_si(names: tuple[str, ...], types: Iterable[int], values: tuple[float, ...], key: str, path: Path) -> np.ndarray:
+def to_si(names: tuple[str, ...], types: Sequence[int], values: tuple[float, ...], key: str, path: Path) -> np.ndarray:
     """Return angles in rad, and places of joints that slide in m."""
     return per_joint(names, values, key, path) * np.where(np.equal(types, SLIDE), 1e-3, np.pi / 180.0)
