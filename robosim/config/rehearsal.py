@@ -33,15 +33,17 @@ class PathConfig(Table):
     """Largest distance [m] between the rounded path and the screw motions inside a container."""
 
 
-class WaypointConfig(Placement):
+class WaypointConfig(Table):
     """A pose of the tool, reached by a screw motion from the waypoint before."""
 
     name: bounds.Name
     """Its name in reports and errors."""
     frame: bounds.Name
     """Frame of position and rotation: "world", or the name of a container."""
-    position: Vector3 = Field(...)
+    position: Vector3
     """Position of the tool's frame [m]."""
+    rotation_deg: tuple[bounds.Angle, bounds.Angle, bounds.Angle] = (0.0, 0.0, 0.0)
+    """Rotations about the frame's x, then y, then z axis [deg]."""
     speed: bounds.Speed
     """Speed of the tool on the way to this waypoint [m/s]."""
     angular_speed: bounds.AngularSpeed = 1.5
@@ -166,7 +168,7 @@ class RehearsalConfig(SceneConfig):
 
     def tool_pose(self, waypoint: WaypointConfig) -> Pose:
         """Return the world pose of the tool's frame at a waypoint."""
-        local = waypoint.pose
+        local = Placement(position=waypoint.position, rotation_deg=waypoint.rotation_deg).pose
         return local if waypoint.frame == "world" else self.containers[waypoint.frame].pose @ local
 
     @property

@@ -8,7 +8,7 @@ import mujoco
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import part_path
 from robosim.config.arm import GripperConfig
-from robosim.config.table import load
+from robosim.config.table import Placement, load
 from robosim.robot.mjspec import locate_model, read_model
 from robosim.robot.robot import place_site
 
@@ -51,7 +51,8 @@ def load_hand_model(config: GripperConfig, place: Path) -> Hand:
     roots = [body.name for body in spec.worldbody.bodies]
     if len(roots) != 1 or not roots[0]:
         raise ConfigError(f"{path}: root bodies {', '.join(map(repr, roots)) or 'none'}; accepted: one, with a name")
-    place_site(spec, config.grip, config.grip_pose.pose, f"{path}: grip")
+    if config.grip_pose != Placement() or config.grip not in [site.name for site in spec.sites]:
+        place_site(spec, config.grip, config.grip_pose.pose, f"{path}: grip")
     actuators = [actuator.name for actuator in spec.actuators if actuator.name]
     joints = {joint.name: joint for joint in spec.joints if joint.name}
     for name, command in config.open.items():

@@ -146,9 +146,10 @@ def place_site(spec: mujoco.MjSpec, name: str, own: Pose, what: str) -> list[Any
     if site is None:
         body.add_site(name=name, group=4)
     compiled = spec.copy().compile().site(name)
-    place = Pose(compiled.pos.copy(), compiled.quat.copy()) @ own
+    frame, turn = (Rotation.from_quat(quat, scalar_first=True) for quat in (compiled.quat, own.quaternion))
+    place, turned = compiled.pos + frame.apply(own.position), (frame * turn).as_quat(scalar_first=True)
     spec.delete(spec.site(name))
-    body.add_site(name=name, pos=place.position, quat=place.quaternion, group=4)
+    body.add_site(name=name, pos=place, quat=turned, group=4)
     chain = []
     while body.parent is not None and body.name != "world":
         chain.append(body)
