@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Iterable
-from typing import Any
 
 from mpm.errors import Picklable
 
@@ -58,6 +57,8 @@ class BodyLeftGrid(RobosimWarning):
     """A coupled body is outside the solver's grid; it has no contact with grains until it returns."""
 
 
-def note(text: str, shown: dict[Any, Any] = {}) -> None:  # noqa: B006
-    """Warn once, in one line: Python shows no place in our code."""
-    warnings.warn_explicit(text, RobosimWarning, "robosim", 0, registry=shown)
+def note(text: str, shown: set[str] = set()) -> None:  # noqa: B006
+    """Warn, once of a text, in one line: Python shows no place in our code."""
+    if text not in shown:
+        shown.add(text)
+        warnings.warn_explicit(text, RobosimWarning, "robosim", 0)

@@ -56,13 +56,10 @@ def run(options: argparse.Namespace) -> int:
     from robosim.config.materials import load_material
     from robosim.config.table import load, read
 
-    missing: dict[str, list[str]] = {}
     schema = type(load_material(str(source))) if kind == "material" else import_name(KINDS[kind])
-    if is_model:
-        table, missing = draft_arm(source)
-    else:
+    if not is_model:
         load(source, schema)  # refuses a file that is not valid
-        table = locate_paths(read(source), source.parent)
+    table, missing = draft_arm(source) if is_model else (locate_paths(read(source), source.parent), {})
     made = source.name if is_model else f"{path.stem} --from {basis}"
     heading = (f"A {kind}, made by `robosim new {kind} {made}`; used by "
                f"`{USES[kind].format(str(path))}`. In brackets: accepted values; default. "

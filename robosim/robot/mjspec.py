@@ -80,8 +80,7 @@ def find_in_menagerie(name: str) -> Path:
     if part not in folders:
         raise UnknownName("model of the Menagerie", part, folders)
     files = sorted(path.stem for path in (root / part).glob("*.xml") if not path.stem.startswith("scene"))
-    if stem == "" and len(files) == 1:
-        return root / part / f"{files[0]}.xml"
+    stem = files[0] if stem == "" and len(files) == 1 else stem
     if stem not in files:
         raise UnknownName(f"model of the Menagerie: {part}/FILE", stem, files)
     return root / part / f"{stem}.xml"

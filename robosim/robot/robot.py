@@ -117,11 +117,9 @@ def read_chain(spec: mujoco.MjSpec, flange: str, turn_deg: float, path: Path) ->
     turn = Pose(np.zeros(3), Rotation.from_euler("z", turn_deg, degrees=True).as_quat(scalar_first=True))
     bodies = place_site(spec, flange, turn, f"{path}: flange")
     joints = [joint for body in bodies for joint in body.joints]
-    double = next((body.name for body in bodies if len(body.joints) > 1), None)
-    if double is not None:
-        raise ConfigError(f"{path}: body {double} has several joints; accepted: one for each body")
-    others = [joint.name or "without a name" for joint in joints if joint.type not in (HINGE, SLIDE)]
-    if others:
+    if double := [body.name for body in bodies if len(body.joints) > 1]:
+        raise ConfigError(f"{path}: body {double[0]} has several joints; accepted: one for each body")
+    if others := [joint.name or "without a name" for joint in joints if joint.type not in (HINGE, SLIDE)]:
         raise ConfigError(f"{path}: joint {others[0]} between base and flange has several degrees of freedom; "
                           f"accepted: hinges and slides")
     if not LEAST_JOINTS <= len(joints) <= MOST_JOINTS:
