@@ -98,18 +98,16 @@ def list_errors(error: pydantic.ValidationError, data: Any, line: Callable[[Any]
 
     Pydantic's places name branches of unions between the keys, and a value that fits one branch has errors of all."""
     errors = []
-    for one in error.errors():
-        value: Any = data
-        place: tuple[int | str, ...] = ()
+    for one in list[Any](error.errors()):
+        value, place = data, tuple[int | str, ...]()
         for part in one["loc"]:
-            held: Any = dict(enumerate(value)) if isinstance(value, list | tuple) else value
-            held = held if isinstance(held, dict) else {}
-            if part in held or isinstance(part, int) or (one["type"] == "missing" and part == one["loc"][-1]):
-                place, value = (*place, part), held.get(part)
+            is_held = part in value if isinstance(value, dict) else (
+                isinstance(value, list | tuple) and isinstance(part, int) and part < len(value))
+            if is_held or isinstance(part, int) or (one["type"] == "missing" and part == one["loc"][-1]):
+                place, value = (*place, part), value[part] if is_held else ()
         errors.append({**one, "loc": place})
-    texts = [line(one) for one in errors if not (one["type"].endswith(("_type", "too_short")) and any(
-        other["loc"][:len(one["loc"])] == one["loc"] and (other["loc"] != one["loc"] or other["type"] == "value_error")
-        for other in errors))]
+    inner = {one["loc"][:n] for one in errors for n in range(len(one["loc"]) + (one["type"] == "value_error"))}
+    texts = [line(one) for one in errors if one["loc"] not in inner or not one["type"].endswith(("_type", "too_short"))]
     more = f"; and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
     return "; ".join(texts[:SHOWN]) + more
 
