@@ -1,5 +1,6 @@
 """Errors of the scene and the robot: what was given, where, and what would be accepted."""
 
+import warnings
 from collections.abc import Iterable
 
 from mpm.errors import Picklable, say_unknown
@@ -54,3 +55,10 @@ class RobosimWarning(UserWarning):
 
 class BodyLeftGrid(RobosimWarning):
     """A coupled body is outside the solver's grid; it has no contact with grains until it returns."""
+
+
+def note(text: str, shown: set[str] = set()) -> None:  # noqa: B006
+    """Warn, once of a text, in one line: Python shows no place in our code."""
+    if text not in shown:
+        shown.add(text)
+        warnings.warn_explicit(text, RobosimWarning, "robosim", 0)

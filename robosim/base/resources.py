@@ -79,11 +79,11 @@ def own_file(name: str, what: str, accepted: list[str]) -> Path | None:
     return None
 
 
-def locate_paths(value: Any, place: Path) -> Any:
-    """Return a file's content with the paths in it made absolute; place: folder that they are relative to."""
+def locate_paths(value: Any, place: Path, is_paths: bool = False) -> Any:
+    """Return a file's content with its paths made absolute, or all its texts; place: what they are relative to."""
     if isinstance(value, dict):
-        return {key: str((place / item).resolve()) if _is_path(key, item) else locate_paths(item, place)
-                for key, item in value.items()}
+        return {key: str((place / item).resolve()) if _is_path(key, item) or (is_paths and isinstance(item, str)) else
+                locate_paths(item, place, key == "packages") for key, item in value.items()}
     return [locate_paths(item, place) for item in value] if isinstance(value, list) else value
 
 

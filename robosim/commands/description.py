@@ -68,7 +68,7 @@ def accepted(field: Schema) -> str:
         least, most = field.get("minItems", 0), field.get("maxItems")
         span = f"{least} to {most}" if least else f"up to {most}"
         count = f" of {least}" if least == most else f" of {span}" if most else f" of {least} or more" if least else ""
-        return f"list{count}: {accepted(inner)}"
+        return f"list{count}: {accepted(inner).replace(' | ', ' or ')}"
     if field.get("type") == "object":
         extra = field.get("additionalProperties")
         return f"table of NAME: {accepted(extra)}" if isinstance(extra, dict) else "table with free names"

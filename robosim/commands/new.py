@@ -12,6 +12,7 @@ from robosim.commands.keys import KINDS, import_name
 EXAMPLE = """examples:
   robosim new rehearsal lab --from spoon
   robosim new material oats --from sugar
+  robosim new arm lab_description/urdf/lab.urdf
 then, after editing the file,
   robosim rehearse lab.yaml --material oats.yaml --out out/lab"""
 BASES = {"rehearsal": "spoon", "task": "SpoonPour", "material": "salt", "arm": "iiwa14"}
@@ -19,9 +20,9 @@ BASES = {"rehearsal": "spoon", "task": "SpoonPour", "material": "salt", "arm": "
 USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "material": "--material {}",
         "arm": "robosim rehearse spoon --set robot={}"}
 """Kind of file -> what takes it."""
-LOADERS = {"rehearsal": "robosim.config.rehearsal:load_rehearsal", "task": "robosim.tasks.task:load_task",
-           "material": "robosim.config.materials:load_material", "arm": "robosim.robot.robot:load_arm"}
-"""Kind of file -> module and function that reads it."""
+MODELS = (".urdf", ".xml", ".mjcf")
+FLANGES = ("tool0", "flange", "attachment_site", "ee_link", "tcp")
+"""Usual names of the place where a hand is mounted, the most usual first."""
 
 
 def add_parser(commands: Any) -> None:
@@ -30,7 +31,8 @@ def add_parser(commands: Any) -> None:
                                  description="Write NAME.yaml: a copy of a bundled file in which a comment explains "
                                  "every key, including those with their default. An existing file is not replaced.")
     parser.add_argument("kind", choices=list(BASES), help="kind of file")
-    parser.add_argument("name", type=Path, metavar="NAME", help="path of the new file; .yaml is added")
+    parser.add_argument("name", type=Path, metavar="NAME", help="path of the new file; .yaml is added; "
+                        "of an arm also a URDF or MJCF file, beside which its .yaml is written")
     parser.add_argument("--from", dest="basis", metavar="BASIS",
                         help="bundled file to copy, or the path of a .yaml file "
                         "(default: " + ", ".join(f"{name} for a {kind}" for kind, name in BASES.items()) + ")")
@@ -39,10 +41,11 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the file."""
-    kind = options.kind
-    basis = options.basis or BASES[kind]
-    source = find_source(kind, basis)
-    path = options.name if options.name.suffix in (".yaml", ".yml") else Path(f"{options.name}.yaml")
+    kind, path, basis = options.kind, options.name, options.basis or BASES[options.kind]
+    is_model = kind == "arm" and path.suffix.lower() in MODELS
+    source = path if is_model else find_source(kind, basis)
+    if path.suffix not in (".yaml", ".yml"):
+        path = path.with_suffix(".yaml") if is_model else Path(f"{path}.yaml")
     if path.exists():
         raise ConfigError(f"{path}: exists already and is left as it is; give another name, or remove it")
     if not path.parent.is_dir():
@@ -50,16 +53,46 @@ def run(options: argparse.Namespace) -> int:
     if path.stem in bundled_names(kind) and path.parent == Path():
         print(f"note: {path.stem} without .yaml still means the bundled {kind}")
     from robosim.commands.description import template
-    from robosim.config.table import read
+    from robosim.config.materials import load_material
+    from robosim.config.table import load, read
 
-    table, schema = locate_paths(read(source), source.parent), schema_of(kind, source)
-    assert isinstance(table, dict)  # or it would not have loaded
-    heading = (f"A {kind}, made by `robosim new {kind} {path.stem} --from {basis}`; used by "
+    schema = type(load_material(str(source))) if kind == "material" else import_name(KINDS[kind])
+    if not is_model:
+        load(source, schema)  # refuses a file that is not valid
+    table, missing = draft_arm(source) if is_model else (locate_paths(read(source), source.parent), {})
+    made = source.name if is_model else f"{path.stem} --from {basis}"
+    heading = (f"A {kind}, made by `robosim new {kind} {made}`; used by "
                f"`{USES[kind].format(str(path))}`. In brackets: accepted values; default. "
                f"A key after a # has its default; to change it, remove the #.")
-    write_text(path, template(schema, table, heading))
+    text = template(schema, table, heading)
+    for key, joints in missing.items():
+        print(f"to fill in: limits.{key} of {', '.join(joints)}")
+        text = text.replace(f"\n  {key}: ", f"\n  # To fill in: {', '.join(joints)}; null: as in the model\n  {key}: ")
+    write_text(path, text)
     print(path)
     return 0
+
+
+def draft_arm(path: Path) -> tuple[dict[str, Any], dict[str, list[str]]]:
+    """Return what the model of an arm says for its file, and limit -> joints of which it does not; raises ConfigError.
+
+    The flange is a site or body with a usual name, or else the last body behind the most joints."""
+    from robosim.config.arm import ArmConfig
+    from robosim.robot.mjspec import read_model
+    from robosim.robot.robot import collect_limits, read_chain
+
+    spec = read_model(path)
+    names = [part.name for part in (*spec.sites, *spec.bodies)]
+    behind = {"world": 0}
+    for body in spec.bodies[1:]:
+        behind[body.name] = behind[body.parent.name] + len(body.joints)
+    flange = next((name for name in FLANGES if name in names), max(reversed(behind), key=behind.__getitem__))
+    joints = tuple(joint.name for joint in read_chain(spec, flange, 0.0, path)[1])
+    table: dict[str, Any] = {"model": path.name, "flange": flange, "payload": None}
+    limits, _, missing = collect_limits(spec.compile(), joints, ArmConfig.model_validate(table), path)
+    table["limits"] = {key: [None if key.endswith("_deg") or value != value else float(value) for value in
+                             limits.get(key, joints)] for key in missing}
+    return table, missing
 
 
 def bundled_names(kind: str) -> list[str]:
@@ -69,12 +102,4 @@ def bundled_names(kind: str) -> list[str]:
 
 def find_source(kind: str, basis: str) -> Path:
     """Return the file to copy; raises ConfigError, UnknownName."""
-    if kind != "arm":
-        return config_path(f"{kind}s", basis, kind)
-    return part_path("robots", basis, kind)
-
-
-def schema_of(kind: str, path: Path) -> Any:
-    """Find the schema of a valid file; raises ConfigError for one that is not."""
-    loaded = import_name(LOADERS[kind])(str(path))
-    return import_name(KINDS["arm"]) if kind == "arm" else type(loaded)
+    return part_path("robots", basis, kind) if kind == "arm" else config_path(f"{kind}s", basis, kind)

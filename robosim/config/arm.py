@@ -4,45 +4,47 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mpm.geometry.rigid_motion import Pose
 from robosim.config.bounds import FilePath, JointValue, Mass, Name, Text
-from robosim.config.table import Table, Vector3, make_pose
+from robosim.config.table import Placement, Table
 
 Grip = Literal["weld", "friction"]
 """How a hand holds a tool."""
 LEAST_JOINTS, MOST_JOINTS = 5, 8
-PerJoint = Annotated[tuple[JointValue, ...], Field(min_length=LEAST_JOINTS, max_length=MOST_JOINTS)]
+OfJoints = Field(min_length=LEAST_JOINTS, max_length=MOST_JOINTS)
+PerJoint = Annotated[tuple[JointValue, ...], OfJoints]
 """A value for each joint, from the base to the flange."""
-Angles = Annotated[tuple[Annotated[float, Field(ge=-720.0, le=720.0)], ...],
-                   Field(min_length=LEAST_JOINTS, max_length=MOST_JOINTS)]
+Limits = Annotated[tuple[JointValue | None, ...], OfJoints]
+"""As PerJoint; null: as of the model."""
+JointPlace = Annotated[float, Field(ge=-720.0, le=720.0)]
 """[deg], or [mm] of a joint that slides."""
+Packages = Annotated[dict[Name, FilePath], Field(max_length=32)]
 Command = Annotated[float, Field(ge=-1e4, le=1e4)]
 """Of an actuator, in its own unit."""
 Commands = Annotated[dict[Name, Command], Field(min_length=1, max_length=32)]
 
 
 class ArmLimits(Table):
-    """Limits of the joints; those that the model has hold where a key is missing."""
+    """Limits of the joints; those that the model has hold where a key is missing, or null in a list."""
 
-    velocity: PerJoint | None = None
+    velocity: Limits | None = None
     """[rad/s], [m/s]"""
-    acceleration: PerJoint | None = None
+    acceleration: Limits | None = None
     """[rad/s^2], [m/s^2]"""
-    jerk: PerJoint | None = None
+    jerk: Limits | None = None
     """[rad/s^3], [m/s^3]"""
-    torque: PerJoint | None = None
+    torque: Limits | None = None
     """[N m], [N]"""
-    lower_deg: Angles | None = None
-    upper_deg: Angles | None = None
+    lower_deg: Annotated[tuple[JointPlace | None, ...], OfJoints] | None = None
+    upper_deg: Annotated[tuple[JointPlace | None, ...], OfJoints] | None = None
 
 
 class StepwiseLimits(Table):
     """Limits of a motion that is commanded step by step, as an agent does in an environment."""
 
     acceleration: PerJoint | None = None
-    """[rad/s^2], [m/s^2]; null: as of `limits`."""
+    """Largest acceleration of each joint [rad/s^2], [m/s^2]; null: as of the arm's `limits`."""
     jerk: PerJoint | None = None
-    """[rad/s^3], [m/s^3]; null: as of `limits`."""
+    """Largest jerk of each joint [rad/s^3], [m/s^3]; null: as of the arm's `limits`."""
 
 
 class ArmServo(Table):
@@ -52,20 +54,6 @@ class ArmServo(Table):
     """[N m/rad]"""
     damping: PerJoint
     """[N m s/rad]"""
-
-
-class BasePose(Table):
-    """Where the arm's base stands."""
-
-    position: Vector3 = (0.0, 0.0, 0.0)
-    """[m]"""
-    rotation_deg: Vector3 = (0.0, 0.0, 0.0)
-    """About x, then y, then z of the world."""
-
-    @property
-    def pose(self) -> Pose:
-        """World pose of the base."""
-        return make_pose(self.position, self.rotation_deg)
 
 
 class ArmConfig(Table):
@@ -83,8 +71,11 @@ class ArmConfig(Table):
     """Distance [m] from the flange to the grip of a tool that is bolted to it without a hand: the clamp's length."""
     mount_turn_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
     """Turn of the hand, or of the bolted tool, about the flange's z."""
-    base: BasePose = BasePose()
-    home_deg: Angles | None = None
+    base: Placement = Placement()
+    """Where the arm's base stands in the world."""
+    packages: Packages | None = None
+    """ROS package -> its folder, for meshes with package:// in a URDF that are neither beside nor above it."""
+    home_deg: Annotated[tuple[JointPlace, ...], OfJoints] | None = None
     """Posture with which the search for postures begins; the middle of the ranges otherwise."""
     payload: Mass | None = None
     """Largest mass of hand, tool and load [kg]."""
@@ -100,12 +91,16 @@ class GripperConfig(Table):
     description: Text = ""
     model: FilePath
     """MJCF or URDF, as of an arm."""
+    packages: Packages | None = None
+    """As of an arm."""
     grip: Name
-    """Site in the middle of a closed grasp: z along the handle towards the tool's head, y along the approach."""
+    """Site or link in the middle of a closed grasp: z along the handle to the tool's head, y along the approach."""
+    grip_pose: Placement = Placement()
+    """Of the grip in the frame of that site or link."""
     open: Commands
-    """Actuator -> command with which the hand is open."""
+    """Actuator, or joint of a URDF -> command with which the hand is open; a joint's is a place [rad], [m]."""
     closed: Commands
-    """Actuator -> command that presses on a handle."""
+    """Actuator or joint -> command that presses on a handle, with up to the joint's effort."""
     squeeze: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     """Largest command beyond the fingers' present place, as a share of the way from open to closed; for actuators
     whose limits allow too much force. null: the actuators' limits are the bound."""

@@ -5,20 +5,16 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field
 
-from robosim.config.arm import PerJoint
+from robosim.config.arm import StepwiseLimits
 from robosim.config.bounds import LARGEST_DOSE, LEAST_DOSE, MAX_ENTRIES, Axis, FilePath, Name, RangeEnd, Share
 from robosim.config.table import Table, Vector3
 
 
-class MotionLimitsConfig(Table):
+class MotionLimitsConfig(StepwiseLimits):
     """Joint limits of the time-scaled motion."""
 
     velocity_fraction: Share = 0.9
     """Largest joint speed as a fraction of the robot's limit."""
-    acceleration: PerJoint | None = None
-    """Largest acceleration of each joint [rad/s^2]; null: the robot's."""
-    jerk: PerJoint | None = None
-    """Largest jerk of each joint [rad/s^3]; null: the robot's."""
 
 
 class JointTrajectoryConfig(Table):

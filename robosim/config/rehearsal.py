@@ -9,12 +9,12 @@ from pydantic import Field
 from mpm.geometry.rigid_motion import Pose
 from robosim.base.resources import config_path
 from robosim.config import bounds
-from robosim.config.arm import ArmConfig, ArmServo, BasePose, Grip, GripperConfig
+from robosim.config.arm import ArmConfig, ArmServo, Grip, GripperConfig
 from robosim.config.motion import DoseConfig, JointTrajectoryConfig, MotionLimitsConfig
 from robosim.config.scene import ObstacleConfig, RegionConfig
 from robosim.config.scene_config import SceneConfig
 from robosim.config.settings import Setting
-from robosim.config.table import Table, Vector3, load, make_pose
+from robosim.config.table import Placement, Table, Vector3, load
 
 APPROACH = "approach"
 """Name of the waypoint from which a hand approaches a tool that it picks up."""
@@ -96,7 +96,7 @@ class RehearsalConfig(SceneConfig):
     gripper: bounds.FilePath | GripperConfig | None = None
     """Name of a hand of models/grippers, the path of a .yaml file, a table, or none: the tool is bolted to the flange;
     null: the robot's usual hand."""
-    base: BasePose | None = None
+    base: Placement | None = None
     """Where the arm's base stands; null: where the robot's file says."""
     grip_turn_deg: bounds.Angle | None = None
     """Turn of the tool in the hand about its handle [deg]; null: the planner chooses, 0 where that can be followed."""
@@ -168,7 +168,7 @@ class RehearsalConfig(SceneConfig):
 
     def tool_pose(self, waypoint: WaypointConfig) -> Pose:
         """Return the world pose of the tool's frame at a waypoint."""
-        local = make_pose(waypoint.position, waypoint.rotation_deg)
+        local = Placement(position=waypoint.position, rotation_deg=waypoint.rotation_deg).pose
         return local if waypoint.frame == "world" else self.containers[waypoint.frame].pose @ local
 
     @property

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.base.errors import ConfigError
 from robosim.config import bounds
-from robosim.config.table import Table, Vector3, make_pose
+from robosim.config.table import Placement, Table, Vector3
 
 
 class RegionConfig(Table):
@@ -82,24 +82,17 @@ class ContainerConfig(Table):
         return self.size is None and self.radius is None and self.mesh is None
 
 
-class ObstacleConfig(Table):
+class ObstacleConfig(Placement):
     """A box, or an upright cylinder, that stands in the way."""
 
     name: bounds.Name
     """Its name in errors and reports."""
-    position: Vector3
+    position: Vector3 = Field(...)
     """Centre [m]."""
     half: tuple[bounds.HalfSize, bounds.HalfSize, bounds.HalfSize]
     """Half sizes [m]; of a cylinder the first is the radius."""
-    rotation_deg: Vector3 = (0.0, 0.0, 0.0)
-    """About x, then y, then z of the world."""
     round: bool = False
     """Whether it is a cylinder along its z axis."""
-
-    @property
-    def pose(self) -> mpm.Pose:
-        """World pose of its middle."""
-        return make_pose(self.position, self.rotation_deg)
 
 
 class FieldConfig(Table):

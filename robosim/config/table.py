@@ -2,7 +2,7 @@
 
 Errors name the file or setting, the key, the value and what is accepted."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,7 +16,7 @@ from mpm.geometry.rigid_motion import Pose
 from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_text
 from robosim.base.resources import locate_paths
-from robosim.config.bounds import Coordinate, Name, Text
+from robosim.config.bounds import Angle, Coordinate, Name, Text
 from robosim.config.settings import Setting, parse_yaml, with_settings
 
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
@@ -38,9 +38,19 @@ class Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
-def make_pose(position: Vector3, rotation_deg: Vector3) -> Pose:
-    """Return a pose in a frame; rotation_deg: about the frame's x, then its y, then its z."""
-    return Pose(np.array(position), Rotation.from_euler("xyz", rotation_deg, degrees=True).as_quat(scalar_first=True))
+class Placement(Table):
+    """A pose in the world, or in another frame."""
+
+    position: Vector3 = (0.0, 0.0, 0.0)
+    """[m]"""
+    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    """Rotations about the frame's x, then y, then z axis [deg]."""
+
+    @property
+    def pose(self) -> Pose:
+        """The pose itself."""
+        turn = Rotation.from_euler("xyz", self.rotation_deg, degrees=True)
+        return Pose(np.array(self.position), turn.as_quat(scalar_first=True))
 
 
 class Quantity(Table):
@@ -76,14 +86,28 @@ def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: 
 def validate(data: dict[str, Any], path: Path, kind: type[Kind], overrides: dict | None = None,
              settings: Sequence[Setting] = ()) -> Kind:
     """Make a configuration of the content of a file; arguments and errors as of `load`."""
+    values = with_settings(data, settings) | (overrides or {})
     try:
-        return kind.model_validate(with_settings(data, settings) | (overrides or {}))
+        return kind.model_validate(values)
     except pydantic.ValidationError as error:
-        raise ConfigError(list_errors([_located(e, kind, path, settings) for e in error.errors()])) from None
+        raise ConfigError(list_errors(error, values, lambda e: _located(e, kind, path, settings))) from None
 
 
-def list_errors(texts: list[str]) -> str:
-    """Join the descriptions of errors, the first SHOWN of them."""
+def list_errors(error: pydantic.ValidationError, data: Any, line: Callable[[Any], str]) -> str:
+    """Join the descriptions of errors in data, the first SHOWN of them.
+
+    Pydantic's places name branches of unions between the keys, and a value that fits one branch has errors of all."""
+    errors = []
+    for one in list[Any](error.errors()):
+        value, place = data, tuple[int | str, ...]()
+        for part in one["loc"]:
+            is_held = part in value if isinstance(value, dict) else (
+                isinstance(value, list | tuple) and isinstance(part, int) and part < len(value))
+            if is_held or isinstance(part, int) or (one["type"] == "missing" and part == one["loc"][-1]):
+                place, value = (*place, part), value[part] if is_held else ()
+        errors.append({**one, "loc": place})
+    inner = {one["loc"][:n] for one in errors for n in range(len(one["loc"]) + (one["type"] == "value_error"))}
+    texts = [line(one) for one in errors if one["loc"] not in inner or not one["type"].endswith(("_type", "too_short"))]
     more = f"; and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
     return "; ".join(texts[:SHOWN]) + more
 

@@ -34,7 +34,7 @@ class CoupledBodies:
         """Bodies that MuJoCo moves, and that the grains push."""
         for name, c in self.colliders.items():
             if self._is_outside_grid(name, colliders[c]):
-                raise ConfigError(f"body {name!r} is at {tuple(data.xpos[self.ids[name]].round(4))} m, outside the "
+                raise ConfigError(f"body {name!r} is at {data.xpos[self.ids[name]].round(4).tolist()} m, outside the "
                                   f"solver's grid {solver.grid.lower} .. {solver.grid.upper} m; enlarge the grid, or "
                                   f"place the body in it")
         if any(c is not old for c, old in zip_longest(colliders, solver.colliders)):

@@ -207,7 +207,7 @@ def make_leg(a: Pose, b: Pose, waypoint: WaypointConfig) -> Leg:
     unit = logarithm(a, b)
     duration = max(np.linalg.norm(unit.linear) / waypoint.speed, np.linalg.norm(unit.angular) / waypoint.angular_speed)
     if duration == 0:
-        raise ConfigError(f"two waypoints share the pose at {tuple(a.position)}: leave one out, or use dwell")
+        raise ConfigError(f"two waypoints share the pose at {a.position.tolist()}: leave one out, or use dwell")
     return Leg(Twist(unit.linear / duration, unit.angular / duration), float(duration))
 
 

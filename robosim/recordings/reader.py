@@ -172,8 +172,8 @@ class Recording:
         try:
             return validate(values)
         except pydantic.ValidationError as error:
-            raise ConfigError(f"{self.path}: header: " + list_errors([describe(e, RecordingHeader)
-                                                                    for e in error.errors()])) from None
+            text = list_errors(error, values, lambda e: describe(e, RecordingHeader))
+            raise ConfigError(f"{self.path}: header: {text}") from None
 
     def __enter__(self) -> "Recording":
         return self

@@ -4,7 +4,7 @@ import contextlib
 import os
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 
@@ -13,27 +13,36 @@ import numpy as np
 
 from mpm import Pose
 from robosim.base.errors import ConfigError, UnknownName
+from robosim.robot.urdf import parse_model, read_urdf
 
 MENAGERIE = "menagerie:"
 """Begin of the name of a model in a local copy of MuJoCo Menagerie."""
 
 
-def read_model(path: Path) -> mujoco.MjSpec:
+def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.MjSpec:
     """Read an MJCF or URDF file, without its keyframes and gravity compensation; all bodies have names.
 
-    Raises ConfigError with MuJoCo's reason for what cannot be read or compiled."""
+    packages: folders of ROS packages by name. Raises ConfigError with MuJoCo's reason for what cannot be read."""
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; accepted: a model of MuJoCo (MJCF) or a URDF")
+    root = parse_model(path)
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec = read_urdf(root, path, packages or {}) if root.tag == "robot" else mujoco.MjSpec.from_file(str(path))
+        if spec.compiler.settotalmass > 0.0:
+            raise ConfigError(f"{path}: settotalmass = {spec.compiler.settotalmass:g} would scale the whole scene; "
+                              f"accepted: masses of the bodies, as MuJoCo's saved model has them")
         spec.compiler.fusestatic = False  # else a URDF loses its root and the frames at its flange
         for number, body in enumerate(spec.bodies):
             body.name = body.name or f"{path.stem}_body_{number}"
             body.gravcomp = 0.0  # the servo compensates gravity
+        for number, one in enumerate(spec.equalities):
+            one.name = one.name or f"{number} of {one.name1} and {one.name2}"
         for key in list(spec.keys):
             spec.delete(key)
         spec.copy().compile()
-    except ValueError as error:
+    except ConfigError:
+        raise
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: cannot be read as a model: {' '.join(str(error).split())}") from None
     return spec
 
@@ -71,8 +80,7 @@ def find_in_menagerie(name: str) -> Path:
     if part not in folders:
         raise UnknownName("model of the Menagerie", part, folders)
     files = sorted(path.stem for path in (root / part).glob("*.xml") if not path.stem.startswith("scene"))
-    if stem == "" and len(files) == 1:
-        return root / part / f"{files[0]}.xml"
+    stem = files[0] if stem == "" and len(files) == 1 else stem
     if stem not in files:
         raise UnknownName(f"model of the Menagerie: {part}/FILE", stem, files)
     return root / part / f"{stem}.xml"

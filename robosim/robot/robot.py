@@ -3,8 +3,7 @@
 Any MJCF or URDF of a serial arm of 5 to 8 joints serves. What the model says is not asked for again; what neither the
 model nor the configuration says is an error, or an assumption that is named in `Robot.sources`."""
 
-import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,20 +13,20 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
-from robosim.base.errors import ConfigError, UnknownName
-from robosim.base.input_files import read_text
+from robosim.base.errors import ConfigError, UnknownName, note
 from robosim.base.resources import part_path
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig
 from robosim.config.table import load
 from robosim.robot.mjspec import locate_model, read_model
+from robosim.robot.urdf import read_speeds
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
 """Times [s] in which a joint is assumed to reach its largest speed, and its largest acceleration."""
 STIFFNESS, DAMPING = 30.0, 0.02
 """Assumed stiffness per torque limit [1/rad], and damping per stiffness [s]: about those of the iiwa's controller."""
+DRIVES = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 CONFIGURED, ASSUMED = "configuration", "assumed"
-
 
 @dataclass(frozen=True)
 class Robot:
@@ -83,15 +82,16 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     Raises ConfigError, UnknownName for a model that cannot be read, without the flange, that is no serial arm of 5 to
     8 joints, or whose limits nothing says."""
     path = locate_model(config.model, place)
-    spec = read_model(path)
-    bodies = place_flange(spec, config.flange, config.mount_turn_deg, path)
-    joints = [joint for body in bodies for joint in body.joints]
-    check_chain(bodies, joints, path)
-    for number, joint in enumerate(joints, 1):
-        joint.name = joint.name or f"joint_{number}"
-    names = tuple(joint.name for joint in joints)
-    model = spec.copy().compile()
-    limits, sources = collect_limits(model, names, config, path)
+    spec = read_model(path, config.packages)
+    bodies, joints = read_chain(spec, config.flange, config.mount_turn_deg, path)
+    names, model = tuple(joint.name for joint in joints), spec.copy().compile()
+    limits, sources, missing = collect_limits(model, names, config, path)
+    if missing:
+        lacking = "; ".join(f"{key} of {', '.join(joints)}" for key, joints in missing.items())
+        raise ConfigError(f"{path}: has no {lacking}; accepted: all four of a URDF's <limit>, range and an actuator's "
+                          f"forcerange in an MJCF, or the keys of `limits` in the arm's file")
+    if not np.any(model.geom_contype | model.geom_conaffinity):
+        note(f"{path}: no shape of it collides; hand and tool alone keep clear of things")
     write_limits(spec, joints, limits)
     types, middle = [joint.type for joint in joints], (limits["lower"] + limits["upper"]) / 2.0
     home = middle if config.home_deg is None else to_si(names, types, config.home_deg, "home_deg", path)
@@ -104,31 +104,50 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     sources["servo"] = ASSUMED if servo is None else CONFIGURED
     stiffness = STIFFNESS * limits["torque"] if servo is None else per_joint(names, servo.stiffness, "stiffness", path)
     damping = DAMPING * stiffness if servo is None else per_joint(names, servo.damping, "damping", path)
-    gripper = config.gripper  # a file's path is relative to that folder
-    if gripper.endswith((".yaml", ".yml")):
-        gripper = str((place / gripper).resolve())
     return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=config.base.pose, flange=config.flange,
-                 joints=names, home=home, gripper=gripper, standoff=config.standoff,
+                 joints=names, home=home, gripper=config.gripper, standoff=config.standoff,
                  stiffness=stiffness, damping=damping, payload=config.payload, sources=sources, touching=touching,
                  slides=tuple(joint.name for joint in joints if joint.type == SLIDE), **limits)
 
 
-def place_flange(spec: mujoco.MjSpec, name: str, angle_deg: float, path: Path) -> list[Any]:
-    """Give a flange a site of its body itself, turned about its z; returns the bodies from the base on to it.
+def read_chain(spec: mujoco.MjSpec, flange: str, turn_deg: float, path: Path) -> tuple[list[Any], list[Any]]:
+    """Place the flange; returns bodies and joints from the base to it, all with names.
 
-    The flange may be a site, however the file places it, or a body; raises UnknownName for neither."""
+    Raises ConfigError unless they are those of a serial arm, as Pinocchio has them."""
+    turn = Pose(np.zeros(3), Rotation.from_euler("z", turn_deg, degrees=True).as_quat(scalar_first=True))
+    bodies = place_site(spec, flange, turn, f"{path}: flange")
+    joints = [joint for body in bodies for joint in body.joints]
+    if double := [body.name for body in bodies if len(body.joints) > 1]:
+        raise ConfigError(f"{path}: body {double[0]} has several joints; accepted: one for each body")
+    if others := [joint.name or "without a name" for joint in joints if joint.type not in (HINGE, SLIDE)]:
+        raise ConfigError(f"{path}: joint {others[0]} between base and flange has several degrees of freedom; "
+                          f"accepted: hinges and slides")
+    if not LEAST_JOINTS <= len(joints) <= MOST_JOINTS:
+        raise ConfigError(f"{path}: {len(joints)} joints between base and flange ("
+                          f"{', '.join(joint.name for joint in joints)}); accepted: {LEAST_JOINTS} to {MOST_JOINTS}")
+    for number, joint in enumerate(joints, 1):
+        joint.name = joint.name or f"joint_{number}"
+    check_couplings(spec.copy().compile(), [joint.name for joint in joints], path)
+    return bodies, joints
+
+
+def place_site(spec: mujoco.MjSpec, name: str, own: Pose, what: str) -> list[Any]:
+    """Put a site of a body at a pose in the frame of the site or body of that name; returns the bodies from the base.
+
+    The site may stand in frames of the file; raises UnknownName for a name of neither."""
     site = next((site for site in spec.sites if site.name == name), None)
     body = site.parent if site is not None else next((b for b in spec.bodies if b.name == name), None)
     if body is None:
         names = [*(f"site {s.name}" for s in spec.sites if s.name),
                  *(f"body {b.name}" for b in spec.bodies if b.name and b.name != "world")]
-        raise UnknownName(f"{path}: flange", name, names)
+        raise UnknownName(what, name, names)
     if site is None:
         body.add_site(name=name, group=4)
     compiled = spec.copy().compile().site(name)
-    turn = Rotation.from_quat(compiled.quat, scalar_first=True) * Rotation.from_euler("z", angle_deg, True)
+    frame, turn = (Rotation.from_quat(quat, scalar_first=True) for quat in (compiled.quat, own.quaternion))
+    place, turned = compiled.pos + frame.apply(own.position), (frame * turn).as_quat(scalar_first=True)
     spec.delete(spec.site(name))
-    body.add_site(name=name, pos=compiled.pos, quat=turn.as_quat(scalar_first=True), group=4)
+    body.add_site(name=name, pos=place, quat=turned, group=4)
     chain = []
     while body.parent is not None and body.name != "world":
         chain.append(body)
@@ -162,7 +181,7 @@ def write_limits(spec: mujoco.MjSpec, joints: list[Any], limits: dict[str, np.nd
     """Give the joints the ranges that planner and servo keep to, and torque motors in the place of their actuators."""
     names = [joint.name for joint in joints]
     for actuator in list(spec.actuators):
-        if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target in names:
+        if int(actuator.trntype) in DRIVES and actuator.target in names:
             spec.delete(actuator)
     for joint, lower, upper, most in zip(joints, limits["lower"], limits["upper"], limits["torque"]):
         unit = np.degrees(1.0) if spec.compiler.degree and joint.type == HINGE else 1.0
@@ -174,57 +193,60 @@ def write_limits(spec: mujoco.MjSpec, joints: list[Any], limits: dict[str, np.nd
         motor.ctrlrange = motor.forcerange = [-most, most]
 
 
-def check_chain(bodies: list[Any], joints: list[Any], path: Path) -> None:
-    """Raise ConfigError unless joints are those of a serial arm, as Pinocchio has them."""
-    double = next((body.name for body in bodies if len(body.joints) > 1), None)
-    if double is not None:
-        raise ConfigError(f"{path}: body {double} has several joints; accepted: one for each body")
-    for joint in joints:
-        if joint.ref or joint.stiffness[0]:
-            raise ConfigError(f"{path}: joint {joint.name} has ref {joint.ref:g}, stiffness {joint.stiffness[0]:g}; "
-                              f"accepted: none of both")
-    others = [joint.name or "without a name" for joint in joints if joint.type not in (HINGE, SLIDE)]
-    if others:
-        raise ConfigError(f"{path}: joint {others[0]} between base and flange has several degrees of freedom; "
-                          f"accepted: hinges and slides")
-    if not LEAST_JOINTS <= len(joints) <= MOST_JOINTS:
-        raise ConfigError(f"{path}: {len(joints)} joints between base and flange ("
-                          f"{', '.join(joint.name for joint in joints)}); accepted: {LEAST_JOINTS} to {MOST_JOINTS}")
+def check_couplings(model: mujoco.MjModel, names: list[str], path: Path) -> None:
+    """Raise ConfigError for what else than its motor moves or holds a joint of the arm, by its name in the model.
+
+    Read from the compiled model: MuJoCo makes equalities of <mimic>, and springs of springdamper."""
+    data, joints = mujoco.MjData(model), [model.joint(name).id for name in names]
+    dofs, places = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
+    for values, what in ((model.qpos0[places], "ref"), (model.jnt_stiffness[joints], "stiffness"),
+                         (np.abs(model.jnt_stiffnesspoly[joints]).max(1), "stiffness"),
+                         (np.abs(model.dof_dampingpoly[dofs]).max(1), "damping that is not linear")):
+        if values.any():
+            k = int(np.argmax(values != 0.0))
+            raise ConfigError(f"{path}: joint {names[k]} has {what} {values[k]:.4g}; accepted: none")
+    rng = np.random.default_rng(0)  # no element is at rest by chance
+    data.qpos[places] += rng.uniform(0.1, 0.2, len(names))
+    data.qvel[dofs] = rng.uniform(0.1, 0.2, len(names))
+    mujoco.mj_forward(model, data)
+    held = data.efc_id[(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (np.abs(data.efc_vel) > 1e-9)]
+    driven = [k for k in np.flatnonzero(data.actuator_velocity)
+              if not (model.actuator_trntype[k] in DRIVES and model.actuator_trnid[k, 0] in joints)]
+    for kind, part, found in (("equality", model.eq, held), ("tendon", model.tendon, np.flatnonzero(data.ten_velocity)),
+                              ("actuator", model.actuator, driven)):
+        if len(found):
+            raise ConfigError(f"{path}: {kind} {part(int(found[0])).name or found[0]} acts on joints of the arm; "
+                              f"accepted: joints without <mimic>, which only their motors move")
 
 
 def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmConfig,
-                   path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return the limits of joints and the source of each."""
-    given, sources = config.limits, {"range": "model"}
+                   path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, list[str]]]:
+    """Return the limits of joints, NaN where nothing says them, the source of each, and key -> joints without it."""
+    given, sources, missing = config.limits, dict[str, str](), dict[str, list[str]]()
     index = [model.joint(name).id for name in names]
-    ends = dict(zip(("lower_deg", "upper_deg"), model.jnt_range[index].T))
-    for end in ends:
-        if (values := getattr(given, end)) is not None:
-            ends[end], sources["range"] = to_si(names, model.jnt_type[index], values, end, path), CONFIGURED
-    lower, upper = ends.values()
-    if not model.jnt_limited[index].all() and (given.lower_deg is None or given.upper_deg is None):
-        missing = [name for name, is_known in zip(names, model.jnt_limited[index]) if not is_known]
-        raise ConfigError(f"{path}: joint {missing[0]} has no range; accepted: one in the model, or limits.lower_deg "
-                          f"and limits.upper_deg")
+    types, (speeds, continuous) = model.jnt_type[index], read_speeds(path)
+
+    def choose(key: str, other: np.ndarray, source: str = "model") -> np.ndarray:
+        """The configured values, or those of another source where there are none."""
+        own = getattr(given, key)
+        sources[key] = source if own is None else CONFIGURED
+        own = np.full(len(names), np.nan) if own is None else to_si(names, types, own, key, path) \
+            if key.endswith("_deg") else per_joint(names, own, key, path)
+        values = np.where(np.isnan(own), other, own)
+        if np.isnan(values).any() and source != ASSUMED:
+            missing[key] = [name for name, value in zip(names, values) if np.isnan(value)]
+        return values
+
+    turns, limited = [name in continuous for name in names], model.jnt_limited[index]
+    source = f"model, {ASSUMED} a turn each way for continuous joints" if any(turns) else "model"
+    lower, upper = (choose(end, np.where(turns, side, np.where(limited, values, np.nan)), source) for end, side, values
+                    in zip(("lower_deg", "upper_deg"), (-2.0 * np.pi, 2.0 * np.pi), model.jnt_range[index].T))
     if np.any(lower >= upper):
         k = int(np.argmax(lower >= upper))
         raise ConfigError(f"{path}: joint {names[k]} ranges from {lower[k]:.4g} to {upper[k]:.4g}; accepted: from less "
                           f"to more")
-
-    def choose(key: str, other: Any, source: str) -> Any:
-        """The configured values, or those of another source."""
-        own = getattr(given, key)
-        sources[key] = source if own is None else CONFIGURED
-        return other if own is None else per_joint(names, own, key, path)
-
-    torque = choose("torque", read_torques(model, index), "model")
-    if np.isnan(torque).any():
-        raise ConfigError(f"{path}: joint {names[int(np.argmax(np.isnan(torque)))]} has no torque limit; accepted: "
-                          f"actuatorfrcrange or an actuator's forcerange in the model, or limits.torque")
-    velocity = choose("velocity", read_velocities(path, names), "model")
-    if velocity is None:
-        raise ConfigError(f"{path}: no speed limits, which MJCF has no element for; accepted: limits.velocity, a value "
-                          f"for each of {', '.join(names)}")
+    torque = choose("torque", read_torques(model, index))
+    velocity = choose("velocity", np.array([speeds.get(name, np.nan) for name in names]))
     acceleration = choose("acceleration", velocity / TO_FULL_SPEED, ASSUMED)
     jerk = choose("jerk", velocity / (TO_FULL_SPEED * TO_FULL_ACCELERATION) if given.acceleration is None else
                   acceleration / TO_FULL_ACCELERATION, ASSUMED)
@@ -233,33 +255,26 @@ def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmCon
     for key in ("acceleration", "jerk"):
         own = getattr(config.stepwise, key)
         limits[f"step_{key}"] = limits[key] if own is None else per_joint(names, own, f"stepwise.{key}", path)
-    return limits, sources
+    return limits, sources, missing
 
 
 def read_torques(model: mujoco.MjModel, joints: list[int]) -> np.ndarray:
-    """Return torque limits (n,), NaN where the model has none: of the joint, or of an actuator that drives it."""
+    """Return torque limits (n,), NaN where the model has none: of the joint, or of an actuator that drives it.
+
+    An actuator without a forcerange whose control is a force, a motor, has that of its ctrlrange."""
     torque = np.full(len(joints), np.nan)
     for k, joint in enumerate(joints):
         if model.jnt_actfrclimited[joint]:
             torque[k] = np.abs(model.jnt_actfrcrange[joint]).max()
             continue
-        for actuator in range(model.nu):
-            drives = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT \
-                and model.actuator_trnid[actuator, 0] == joint
-            if drives and model.actuator_forcelimited[actuator]:
-                gear = abs(model.actuator_gear[actuator, 0])
-                torque[k] = gear * np.abs(model.actuator_forcerange[actuator]).max()
+        for a in np.flatnonzero(np.isin(model.actuator_trntype, DRIVES) & (model.actuator_trnid[:, 0] == joint)):
+            gear, is_motor = abs(model.actuator_gear[a, 0]), model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED \
+                and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+            if model.actuator_forcelimited[a]:
+                torque[k] = gear * np.abs(model.actuator_forcerange[a]).max()
+            elif is_motor and model.actuator_ctrllimited[a]:
+                torque[k] = gear * np.abs(model.actuator_gainprm[a, 0] * model.actuator_ctrlrange[a]).max()
     return torque
-
-
-def read_velocities(path: Path, names: tuple[str, ...]) -> np.ndarray | None:
-    """Return the speed limits of a URDF; None for a file without them."""
-    root = ET.fromstring(read_text(path, 50_000_000))
-    found = {joint.get("name"): limit.get("velocity") for joint in root.iter("joint")
-             if (limit := joint.find("limit")) is not None and float(limit.get("velocity") or 0.0) > 0.0}
-    if not all(name in found for name in names):
-        return None
-    return np.array([float(found[name] or 0.0) for name in names])
 
 
 def per_joint(names: tuple[str, ...], values: tuple[float, ...], key: str, path: Path | str) -> np.ndarray:
@@ -269,7 +284,6 @@ def per_joint(names: tuple[str, ...], values: tuple[float, ...], key: str, path:
     return np.array(values, float)
 
 
-def to_si(names: tuple[str, ...], types: Iterable[int], values: tuple[float, ...], key: str, path: Path) -> np.ndarray:
+def to_si(names: tuple[str, ...], types: Sequence[int], values: tuple[float, ...], key: str, path: Path) -> np.ndarray:
     """Return angles in rad, and places of joints that slide in m."""
-    return np.array([value * 1e-3 if kind == SLIDE else np.radians(value)
-                     for value, kind in zip(per_joint(names, values, key, path), types)])
+    return per_joint(names, values, key, path) * np.where(np.equal(types, SLIDE), 1e-3, np.pi / 180.0)

@@ -11,8 +11,9 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.base.resources import folder
-from robosim.config.arm import ArmConfig, BasePose, GripperConfig
+from robosim.config.arm import ArmConfig, GripperConfig
 from robosim.config.scene import ContainerConfig
+from robosim.config.table import Placement
 from robosim.config.tool import ToolConfig, load_bundled
 from robosim.robot.assembly import Assembly, ToolModel
 from robosim.robot.hand import load_hand, load_hand_model
@@ -87,7 +88,7 @@ def load_tool_model(tool: str | ToolConfig) -> ToolModel:
 
 def assemble(tool: str | ToolConfig | None, robot: str | ArmConfig = "iiwa14",
              gripper: str | GripperConfig | None = None, grip_turn_deg: float = 0.0,
-             base: BasePose | None = None) -> Assembly:
+             base: Placement | None = None) -> Assembly:
     """Put together an arm, a hand and a tool by their names, files or tables.
 
     tool None: an empty hand; gripper None: the arm's usual hand; base: where the arm stands, None: where its file says.

@@ -132,7 +132,7 @@ def given_inside(parts: list[trimesh.Trimesh], region: mpm.Region) -> Inside:
     points = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
     free = find_free(parts, lower, spacing, shape) & region.holds(points).reshape(shape)
     if free.sum() < LEAST_CELLS:
-        raise ConfigError(f"inside {tuple(region.centre)}, half {tuple(region.half)} m holds {int(free.sum())} places "
+        raise ConfigError(f"inside {region.centre}, half {region.half} m holds {int(free.sum())} places "
                           f"of {1e3 * spacing:.2g} mm beside the mesh; accepted: the space in front of its wall")
     given = Inside(lower, spacing, free, np.array(region.centre))
     try:

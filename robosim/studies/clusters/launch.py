@@ -42,4 +42,4 @@ def read_table(table: Mapping[str, Any]) -> LaunchTable:
     try:
         return LaunchTable.model_validate(dict(table))
     except pydantic.ValidationError as error:
-        raise ConfigError("launch: " + list_errors([describe(e, LaunchTable) for e in error.errors()])) from None
+        raise ConfigError("launch: " + list_errors(error, table, lambda e: describe(e, LaunchTable))) from None

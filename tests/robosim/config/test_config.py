@@ -48,6 +48,10 @@ def test_keys_of_a_fluid_reach_its_law(key: str, default: object, other: object,
     ("servo.stiffness=[1, 1, 1, 1, 1, 1, .inf]", "--set servo.stiffness: servo.stiffness.6: .* finite number"),
     (f"description={'x' * 3000}", "--set description: .* at most 2000 characters"),
     ("learned=[a, b, c" + ", d" * 200 + "]", "--set learned: .* at most 200 items"),
+    ("tool={name: a, mesh: a.stl, mass: -1, handle: {head: [0, 0, 0], end: [0, 0, 1]}}",
+     r"^--set tool: tool.mass: .* to 0.001 \(given: -1\)$"),
+    ("robot={model: a.urdf, flange: b, limits: {velocity: fast}}", "^--set robot: robot.limits.velocity: [^;]*'fast'"),
+    ("robot={model: a.urdf, flang: b}", "robot.flange: Field required; --set robot: unknown key 'robot.flang'; valid"),
 ])
 def test_extreme_numbers_are_refused_by_name(setting: str, message: str) -> None:
     """Before any work, with the bound that is accepted; tests/test_extreme_inputs.py has every key of every file."""

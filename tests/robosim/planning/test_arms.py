@@ -9,9 +9,9 @@ from bundled import plan_of, read_bundled, rehearsal
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.base.resources import part_names
-from robosim.config.arm import BasePose
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.table import Placement
 from robosim.planning.clearance import LEAST, RobotClearance
 from robosim.planning.plan import plan_motion
 from robosim.planning.waypoint_path import WaypointPath
@@ -77,6 +77,12 @@ def test_a_tool_is_bolted_to_the_flange(robot: str) -> None:
     assert plan.arm.assembly.gripper_name == "none" and plan.arm.model.nv == len(plan.arm.joints)
 
 
+def test_an_arm_hangs_from_above() -> None:
+    base = {"position": [0.3, -0.1, 1.2], "rotation_deg": [180, 0, 0]}
+    plan = plan_motion(change(base=base, grip_turn_deg=0.0))
+    assert plan.clearance.surroundings.distance > 0.01 and plan.solution.margin > 0.1
+
+
 def test_a_friction_grasp_needs_a_hand() -> None:
     with pytest.raises(ConfigError, match="grasp: friction with gripper: none; accepted: grasp: weld, or a gripper"):
         plan_motion(change(gripper="none", grasp="friction"))
@@ -101,7 +107,7 @@ def test_clearances_are_those_of_the_places() -> None:
     config = rehearsal("shovel", grip_turn_deg=0.0)
     plan = plan_motion(config)
     q, rise = plan.solution.q[0], 0.01
-    raised = config.model_copy(update={"base": BasePose(position=(0.0, 0.0, rise))})
+    raised = config.model_copy(update={"base": Placement(position=(0.0, 0.0, rise))})
     first, second = (RobotClearance(compile_rehearsal(c), plan.arm) for c in (config, raised))
     # the last one with an arm that stands where the configuration says
     low, high = first.measure(q), RobotClearance(compile_rehearsal(raised), Arm(assemble_rehearsal(raised))).measure(q)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from written_arms import write_arm
+from written_arms import write_arm, write_urdf
 
 from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
@@ -119,7 +119,7 @@ def test_hands_are_files(tmp_path: Path) -> None:
     hand = load_hand(str(path))
     assert hand is not None and hand.base == "base"
     assert assemble("spoon", "iiwa14", str(path)).wrist == HAND_PREFIX + "base"
-    for old, new, error, message in (("grip: g", "grip: h", UnknownName, "grip: site 'h'; valid: g"),
+    for old, new, error, message in (("grip: g", "grip: h", UnknownName, "grip 'h'; valid: body base, .*, site g"),
                                      ("open: {a", "open: {b", ConfigError, "accepted: the same actuators"),
                                      ("{a: 0.1}", "{c: 0.1}", ConfigError, "accepted: the same actuators")):
         path.write_text(text.replace(old, new))
@@ -134,22 +134,12 @@ def test_hands_are_files(tmp_path: Path) -> None:
         load_hand(str(tmp_path / "no.yaml"))
 
 
-URDF = """<robot name="lab"><link name="base_link"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>
-</link>{links}<link name="tool0"/><joint name="to_tool" type="fixed"><parent link="l5"/><child link="tool0"/>
-<origin xyz="0 0 0.1" rpy="0.3 0 0"/></joint></robot>"""
-LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.1"/><mass value="2"/><inertia ixx="0.02" iyy="0.02" izz="0.01"
-ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="0 0 0.1"/><geometry><cylinder radius="0.04" length="0.15"/>
-</geometry></collision></link><joint name="q{k}" type="revolute"><parent link="{parent}"/><child link="l{k}"/>
-<origin xyz="0 0 0.2"/><axis xyz="{axis}"/><limit lower="-2.5" upper="2.5" effort="10{k}" velocity="{k}.5"/></joint>"""
-
-
 def test_a_urdf_with_fixed_frames_is_an_arm(tmp_path: Path) -> None:
     """Base and flange are links without a joint, which MuJoCo would fuse; poses and gravity torques are MuJoCo's.
 
-    It says its limits of speed and torque."""
-    links = "".join(LINK.format(k=k, parent=f"l{k - 1}" if k else "base_link", axis="0 0 1" if k % 2 == 0 else "0 1 0")
-                    for k in range(6))
-    (tmp_path / "lab.urdf").write_text(URDF.format(links=links))
+    It says its limits of speed and torque.
+    """
+    write_urdf(tmp_path / "lab.urdf")
     robot = load_robot_model(ArmConfig.model_validate({"model": "lab.urdf", "flange": "tool0"}), tmp_path)
     assert robot.base == "base_link" and robot.joints == tuple(f"q{k}" for k in range(6))
     assert robot.sources["velocity"] == "model" and robot.velocity == pytest.approx(np.arange(6) + 0.5)
@@ -162,18 +152,21 @@ def test_a_urdf_with_fixed_frames_is_an_arm(tmp_path: Path) -> None:
 
 
 def check_against_mujoco(assembly: Assembly) -> None:
-    """Compare the tool's pose and the gravity torques in a posture off the home."""
+    """Compare the tool's pose, mass matrix and bias of both models in a posture off the home."""
     arm, spec = Arm(assembly), mujoco.MjSpec()
     assembly.attach_to(spec)
     model = compile_spec(spec)
-    data, q = mujoco.MjData(model), arm.home + 0.1
-    data.qpos[[model.joint(name).qposadr[0] for name in arm.joints]] = q
-    mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(arm.tool_pose(q).position, data.body("spoon").xpos, atol=1e-9)
-    np.testing.assert_allclose(arm.tool_pose(q).matrix, data.body("spoon").xmat.reshape(3, 3), atol=1e-9)
-    torque = arm.inverse_dynamics(q, 0.0 * q, 0.0 * q)
+    data, q, qd = mujoco.MjData(model), arm.home + 0.1, np.linspace(0.3, 1.0, len(arm.home))
     dofs = [model.joint(name).dofadr[0] for name in arm.joints]
-    np.testing.assert_allclose(torque, data.qfrc_bias[dofs] - data.qfrc_passive[dofs], atol=1e-6)
+    data.qpos[[model.joint(name).qposadr[0] for name in arm.joints]], data.qvel[dofs] = q, qd
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(arm.tool_pose(q).position, data.body("spoon").xpos, atol=1e-10)
+    np.testing.assert_allclose(arm.tool_pose(q).matrix, data.body("spoon").xmat.reshape(3, 3), atol=1e-10)
+    M, bias = np.zeros((model.nv, model.nv)), arm.rigid_torque(q, qd, 0.0 * q)
+    mujoco.mj_fullM(model, data, M)
+    np.testing.assert_allclose(bias, data.qfrc_bias[dofs], atol=1e-10 * np.abs(data.qfrc_bias).max())
+    own = [arm.inverse_dynamics(q, 0.0 * q, one) - arm.inverse_dynamics(q, 0.0 * q, 0.0 * q) for one in np.eye(len(q))]
+    np.testing.assert_allclose(own, M[np.ix_(dofs, dofs)], atol=1e-10 * M.max())
 
 
 def test_frames_names_and_compensation_of_a_foreign_model(tmp_path: Path) -> None:
@@ -200,7 +193,7 @@ def test_frames_names_and_compensation_of_a_foreign_model(tmp_path: Path) -> Non
             assert model.joint(name).range[1] == pytest.approx(np.radians(90.0))
             assert model.jnt_actfrcrange[model.joint(name).id] == pytest.approx([-77.0, 77.0])
     for old, new, message in (('name="j1"', 'name="j1" ref="20"', "joint j1 has ref"),
-                              ('name="j1"', 'name="j1" stiffness="5"', "joint j1 has ref 0, stiffness 5"),
+                              ('name="j1"', 'name="j1" stiffness="5"', "joint j1 has stiffness 5"),
                               ('<joint name="j2"', '<joint name="extra" axis="1 0 0" range="0 9"/><joint name="j2"',
                                "has several joints")):
         write_arm(path, 6)
