@@ -17,7 +17,7 @@ HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.s
 
 VERSION := "import sys; print('%d.%d' % sys.version_info[:2])"
 
-.PHONY: rehearse test test-slow lint docs constraints meshes clean gl interpreter
+.PHONY: rehearse test test-slow lint docs site constraints meshes clean gl interpreter
 .DEFAULT_GOAL := rehearse
 
 rehearse: $(VENV)/.run gl
@@ -38,9 +38,13 @@ lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-# Runs every code block of the pages, then builds the site into docs/_build/html; a warning is an error.
+# Runs every code block of the pages, the slow ones too, then builds the site.
 docs: $(VENV)/.docs
 	$(BIN)/python -m pytest -n 2 tests/docs tests/test_readme.py
+	@$(MAKE) --no-print-directory site
+
+# Builds the site into docs/_build/html; a warning is an error.
+site: $(VENV)/.docs
 	$(BIN)/python -m sphinx -b html -W --keep-going docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
