@@ -54,3 +54,7 @@ class RobosimWarning(UserWarning):
 
 class BodyLeftGrid(RobosimWarning):
     """A coupled body is outside the solver's grid; it has no contact with grains until it returns."""
+
+
+class DoubledFaces(RobosimWarning):
+    """A mesh has faces twice; each is read once."""

@@ -212,8 +212,8 @@ def measure_radius(mesh: trimesh.Trimesh, line: tuple[Array, Array], name: str) 
     away = np.linalg.norm(points - (begin + share[:, None] * (end - begin)), axis=1)
     beside = away[(share > 0.25) & (share < 0.75) & (away < 0.25 * length)]
     if len(beside) < 20:
-        raise ConfigError(f"{name}: no part of the mesh lies along handle, {tuple(begin)} to {tuple(end)} m; accepted: "
-                          f"the line in the middle of the handle, or handle.radius")
+        raise ConfigError(f"{name}: no part of the mesh lies along handle, {begin.tolist()} to {end.tolist()} m; "
+                          f"accepted: the line in the middle of the handle, or handle.radius")
     return float(beside.mean())
 
 
