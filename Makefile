@@ -17,7 +17,7 @@ HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.s
 
 VERSION := "import sys; print('%d.%d' % sys.version_info[:2])"
 
-.PHONY: rehearse test test-slow lint docs site constraints meshes clean gl interpreter
+.PHONY: rehearse test test-slow newest lint docs site constraints meshes clean gl interpreter
 .DEFAULT_GOAL := rehearse
 
 rehearse: $(VENV)/.run gl
@@ -33,6 +33,14 @@ test: $(VENV)/.test
 
 test-slow: $(VENV)/.test
 	$(PYTEST) -m slow
+
+# A part of the tests with the newest releases that pyproject.toml allows, in an environment of its own: whether a bound or
+# a constraint can be raised. make newest PYTHON=python3.13
+newest:
+	$(PYTHON) -m venv $(VENV)-newest
+	$(VENV)-newest/bin/python -m pip install -q --upgrade -e ".[test,learn]"
+	$(VENV)-newest/bin/python -m pip list | grep -i -E "^(mujoco|gymnasium|stable|numpy|pin|scipy|torch|trimesh) "
+	$(VENV)-newest/bin/python -m pytest -m "not slow" $(addprefix tests/robosim/,coupling robot scene envs)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
