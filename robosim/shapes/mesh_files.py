@@ -108,9 +108,7 @@ def check_surface(surface: trimesh.Trimesh, path: Path) -> None:
 
 
 def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
-    """Read a file with its vertices merged, each face once, and its unit checked; raises ConfigError.
-
-    Warns with DoubledFaces."""
+    """Read a file with vertices merged, each face once (DoubledFaces), and its unit checked; raises ConfigError."""
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; accepted: a mesh, {' or '.join(SUFFIXES)}")
     if path.suffix.lower() not in SUFFIXES:
@@ -127,8 +125,9 @@ def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
         mesh = trimesh.Trimesh(read.vertices, read.faces, process=False)  # without the file's normals and colours
     except Exception as error:  # a reader of many formats raises as many kinds
         raise ConfigError(f"{path}: cannot be read as a mesh: {error}") from None
-    if not count or not len(mesh.faces) or not np.all(np.isfinite(mesh.vertices)):
-        raise ConfigError(f"{path}: holds no triangles with finite corners; accepted: a mesh of triangles")
+    corners, faces = mesh.vertices, mesh.faces
+    if not len(faces) or not np.isfinite(corners).all() or faces.min() < 0 or faces.max() >= len(corners):
+        raise ConfigError(f"{path}: holds no triangles, or some without finite corners; accepted: a mesh of triangles")
     mesh.apply_scale(scale)
     size = float(mesh.extents.max())
     if not SMALLEST <= size <= LARGEST:

@@ -40,8 +40,7 @@ def add_slivers(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 FACES = {
     "plain.stl": lambda faces: faces, "flipped.stl": flip, "inside_out.ply": lambda faces: faces[:, ::-1],
     "one_twice.stl": lambda faces: np.concatenate([faces, faces[:1]]),
-    "all_twice.ply": lambda faces: flip(np.concatenate([faces, faces[:, ::-1]])[::-1]),
-}
+    "all_twice.ply": lambda faces: flip(np.concatenate([faces, faces[:, ::-1]])[::-1])}
 
 
 @pytest.mark.parametrize("sheet", [False, True])
@@ -106,6 +105,7 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path: Path) -> None:
     corners, around = [[1, 2, 0], [4, 0, 5], [0, 7, 3], [9, 9, 6], [2, 4, 8]], np.arange(5)[:, None] + np.arange(3)
     refuse(trimesh.Trimesh(0.01 * np.array(corners), around % 5, process=False), path, "no front side, as a Moeb", 1e-3)
     refuse(trimesh.creation.box((0.1, 0.1, 0.0)), path, "flat, its faces enclose no volume")
+    refuse(trimesh.Trimesh(box.vertices, box.faces + 1, process=False), tmp_path / "n.ply", "without finite corners")
     refuse(box + box.subdivide(), path, "2 parts, of which some are the same solid; accepted: each part once")
     refuse(trimesh.Scene([box.subdivide_loop(3)] * 300), tmp_path / "n.glb", "230400 triangles; accepted: up to 200000")
     for name in ("no.stl", "tool.off"):
