@@ -17,7 +17,7 @@ HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.s
 
 VERSION := "import sys; print('%d.%d' % sys.version_info[:2])"
 
-.PHONY: rehearse test test-slow lint docs constraints meshes clean gl interpreter
+.PHONY: rehearse test test-slow newest lint docs site constraints meshes clean gl interpreter
 .DEFAULT_GOAL := rehearse
 
 rehearse: $(VENV)/.run gl
@@ -34,13 +34,25 @@ test: $(VENV)/.test
 test-slow: $(VENV)/.test
 	$(PYTEST) -m slow
 
+# A part of the tests with the newest releases that pyproject.toml allows, in an environment of its own: whether a bound or
+# a constraint can be raised. make newest PYTHON=python3.13
+newest:
+	$(PYTHON) -m venv $(VENV)-newest
+	$(VENV)-newest/bin/python -m pip install -q --upgrade -e ".[test,learn]"
+	$(VENV)-newest/bin/python -m pip list | grep -i -E "^(mujoco|gymnasium|stable|numpy|pin|scipy|torch|trimesh) "
+	$(VENV)-newest/bin/python -m pytest -m "not slow" $(addprefix tests/robosim/,coupling robot scene envs)
+
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-# Runs every code block of the pages, then builds the site into docs/_build/html; a warning is an error.
+# Runs every code block of the pages, the slow ones too, then builds the site.
 docs: $(VENV)/.docs
 	$(BIN)/python -m pytest -n 2 tests/docs tests/test_readme.py
+	@$(MAKE) --no-print-directory site
+
+# Builds the site into docs/_build/html; a warning is an error.
+site: $(VENV)/.docs
 	$(BIN)/python -m sphinx -b html -W --keep-going docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from robosim.base.errors import (
         BodyLeftGrid,
         ConfigError,
+        DoubledFaces,
         DriverFault,
         RobosimError,
         RobotDiverged,

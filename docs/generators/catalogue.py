@@ -24,10 +24,10 @@ def read(folder: str) -> dict[str, dict[str, Any]]:
 
 
 def materials() -> str:
-    """Every material with its numbers and their sources."""
+    """Every material with its numbers and their sources; YAML reads 5e-4 as text, the schema as a number."""
     parts = []
     for name, data in read("materials").items():
-        rows = [[SYMBOLS[key], f"{number['value']:g}", number["source"]] for key, number in data.items()
+        rows = [[SYMBOLS[key], f"{float(number['value']):g}", number["source"]] for key, number in data.items()
                 if isinstance(number, dict)]
         text = data["description"]
         parts.append(f"### {name}\n\n{text[:1].upper()}{text[1:]}. Law: {data['law']}.\n\n"

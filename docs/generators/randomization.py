@@ -11,8 +11,9 @@ def page() -> str:
     rows = [[code(MATERIAL), "", "names", ", ".join(wide[MATERIAL]), "material of the grains, of the same law as the "
              "environment's own"]]
     for name, drawn in NUMBERS.items():
-        low, high = wide[name]
-        needs = {"container": "a container", "loose grains": "a container or a pile", "arm": code("arm=True")}
+        spread = f"{wide[name][0]:g} to {wide[name][1]:g}" if name in wide else "its task's own"
+        needs = {"container": "a container", "loose grains": "a container or a pile", "arm": code("arm=True"),
+                 "dose": "a mass to dose"}
         text = drawn.meaning + (f"; with {needs[drawn.needs]}" if drawn.needs else "")
-        rows.append([code(name), drawn.unit, f"{drawn.lowest:g} to {drawn.highest:g}", f"{low:g} to {high:g}", text])
+        rows.append([code(name), drawn.unit, f"{drawn.lowest:g} to {drawn.highest:g}", spread, text])
     return table(["name", "unit", "accepted", "in `wide`", "meaning"], rows)

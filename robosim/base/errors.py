@@ -57,6 +57,10 @@ class BodyLeftGrid(RobosimWarning):
     """A coupled body is outside the solver's grid; it has no contact with grains until it returns."""
 
 
+class DoubledFaces(RobosimWarning):
+    """A mesh has faces twice; each is read once."""
+
+
 def note(text: str, shown: set[str] = set()) -> None:  # noqa: B006
     """Warn, once of a text, in one line: Python shows no place in our code."""
     if text not in shown:

@@ -12,7 +12,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell", "controllers",
              "inner_face")
 """Keys of files whose values may be paths."""
-SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj", ".ply")
+SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj", ".ply", ".glb")
 """Ends of values that are paths, not names."""
 
 

@@ -51,7 +51,7 @@ class ContainerConfig(Table):
     wall: Annotated[float, Field(ge=5e-4, le=0.1)] = 0.006
     """Thickness [m] of walls and floor that are given by sizes."""
     mesh: bounds.FilePath | None = None
-    """Path of a closed mesh, or of a surface with a thickness, z up; STL or OBJ."""
+    """Path of a closed mesh, or of a surface with a thickness, z up; STL, OBJ, PLY or GLB."""
     scale: Annotated[float, Field(ge=1e-6, le=1e3)] = 1.0
     """Metres per unit of the mesh: 0.001 for millimetres."""
     thickness: bounds.Length | None = None

@@ -72,7 +72,7 @@ class HolesConfig(Table):
 
 
 class ToolConfig(Table):
-    """A tool from meshes, STL, OBJ or PLY, z up while it is level."""
+    """A tool from meshes, STL, OBJ, PLY or GLB, z up while it is level."""
 
     name: BodyName = "tool"
     mesh: FilePath

@@ -27,7 +27,9 @@ class MobilityProbe:
         self.trial, self.model, self.data = trial, trial.model, trial.data
         data = trial.data
         # views: each access to an array of data takes longer than what a probe computes
-        self._qpos, self._qvel, self._qacc, self._act = data.qpos, data.qvel, data.qacc, data.act
+        self._qpos, self._qvel, self._qacc = data.qpos, data.qvel, data.qacc
+        plastic = [data.plastic] if hasattr(data, "plastic") else []  # from MuJoCo 4 on
+        self._states = [data.qpos, data.qvel, data.act, *plastic]
         self._warmstart, self._wrenches = data.qacc_warmstart, data.xfrc_applied
 
     def predict(self, wrenches: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -55,8 +57,8 @@ class MobilityProbe:
         masses = self.model.body_mass[self.trial.bodies]
         self._wrenches += wrenches
         loaded = self._wrenches.copy()
-        start = self._qpos.copy(), self._qvel.copy(), self._act.copy()
-        if not self.trial.is_runge_kutta:
+        start = [state.copy() for state in self._states]
+        if not self.trial.is_whole:
             mujoco.mj_fwdActuation(self.model, self.data)
         self.trial.integrate_velocities()
         velocities, positions, warmstart = self._qvel.copy(), self._qpos.copy(), self._qacc.copy()
@@ -65,7 +67,8 @@ class MobilityProbe:
             force_impulse = PROBE * h * max(masses[i], 1e-6) * GRAVITY
             for k in range(6):
                 impulse = force_impulse if k < 3 else force_impulse * PROBE_ARM
-                self._qpos[:], self._qvel[:], self._act[:] = start
+                for state, value in zip(self._states, start):
+                    state[:] = value
                 self._warmstart[:] = warmstart
                 self._wrenches[:] = loaded
                 self._wrenches[body, k] += impulse / h

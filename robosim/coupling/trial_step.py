@@ -27,20 +27,21 @@ def disable_control_callback() -> Iterator[None]:
 class TrialStep:
     """One `mj_step` that can be tried before it is accepted; bodies: MuJoCo indices of the coupled bodies.
 
-    A step is `begin` (positions and velocities), any number of trials, and `finish`. A Runge-Kutta step calls the
-    user's control callback in `finish`, as often as `mj_step` does; its trials use the last controls."""
+    A step is `begin` (positions and velocities), any number of trials, and `finish`. A Runge-Kutta or discrete step
+    calls the user's control callback in `finish`, as often as `mj_step` does; its trials use the last controls."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, bodies: list[int]) -> None:
         self.model, self.data, self.bodies = model, data, bodies
         self._start = np.empty(mujoco.mj_stateSize(model, STATE))
-        self.is_runge_kutta = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        """A Runge-Kutta step evaluates everything again within it, so trials can share no part of it."""
-        is_euler = model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+        kinds, chosen = mujoco.mjtIntegrator, model.opt.integrator
+        self.is_whole = chosen in (kinds.mjINT_RK4, kinds.mjINT_DISCRETE)
+        """Trials share no part of it: Runge-Kutta evaluates all again, a discrete step has no public end."""
+        is_euler = chosen == kinds.mjINT_EULER
         self._integrate = mujoco.mj_Euler if is_euler else mujoco.mj_implicit
 
     def begin(self) -> None:
         """Evaluate positions and velocities, also where the user changed qpos since, and store the state."""
-        if self.is_runge_kutta:
+        if self.is_whole:
             with disable_control_callback():
                 mujoco.mj_forward(self.model, self.data)
         else:
@@ -49,7 +50,7 @@ class TrialStep:
 
     def finish(self) -> None:
         """Step under the forces in data; frames and velocities are then those after the step."""
-        if self.is_runge_kutta:
+        if self.is_whole:
             mujoco.mj_step(self.model, self.data)
         else:
             mujoco.mj_step2(self.model, self.data)
@@ -63,7 +64,7 @@ class TrialStep:
 
     def integrate_velocities(self) -> None:
         """Compute the velocities after the step under the wrenches in data, after `begin`."""
-        if self.is_runge_kutta:
+        if self.is_whole:
             with disable_control_callback():
                 mujoco.mj_step(self.model, self.data)
         else:
@@ -73,7 +74,7 @@ class TrialStep:
 
     def restore(self) -> None:
         """Return to the state after `begin` from trials of `integrate_velocities`, which change frames alone."""
-        if self.is_runge_kutta:
+        if self.is_whole:
             self.roll_back()
         else:
             mujoco.mj_setState(self.model, self.data, self._start, STATE)
@@ -82,7 +83,7 @@ class TrialStep:
     def predict_poses(self, wrenches: np.ndarray) -> list[mpm.Pose]:
         """Predict the bodies' world poses after the step under wrenches (nbody, 6) besides the scene's forces."""
         self.data.xfrc_applied += wrenches
-        if self.is_runge_kutta:
+        if self.is_whole:
             with disable_control_callback():
                 self.finish()
         else:

@@ -3,24 +3,26 @@
 A closed part is a solid, an open one the middle of a wall. What is wrong with a file is refused by name, because a tool
 that leaks or holds the wrong volume looks right in every picture."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from robosim.base.errors import ConfigError
+from robosim.base.errors import ConfigError, DoubledFaces
+from robosim.shapes.self_cuts import check_intersections
 
-SUFFIXES = (".stl", ".obj", ".ply")
+SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 MOST_BYTES = 200_000_000
 MOST_FACES = 200_000
 LARGEST, SMALLEST = 3.0, 5e-3
 """Longest edge [m] of the box around a tool or container, and the least; beyond them the unit is wrong."""
+PASSES = 20
+"""Most slivers in a row, side by side, that are mended."""
 UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254}
 SIDE_SAMPLES = 40
 """Faces of an inner face by which its front side is found."""
-PARALLEL = 1e-12
-"""Determinant, relative to the size of triangles, below which a segment is parallel to one."""
 
 Array = NDArray[np.float64]
 
@@ -47,6 +49,9 @@ def read_parts(path: Path, thickness: float | None = None, scale: float = 1.0) -
             check_intersections(wall, path, f"its wall of {1e3 * thickness:g} mm: thinner, or a surface without narrow "
                                             f"places")
             solids.append(wall)
+    alike = [np.append(solid.bounds, solid.moment_inertia / solid.volume) for solid in solids]
+    if len(trimesh.grouping.unique_rows(alike, digits=6)[0]) < len(solids):
+        raise ConfigError(f"{path}: {len(solids)} parts, of which some are the same solid; accepted: each part once")
     return solids
 
 
@@ -82,12 +87,9 @@ def read_directions(path: Path, parts: list[trimesh.Trimesh]) -> Array:
 
 
 def split_parts(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
-    """Return the parts of a mesh that are connected over edges; one alone is the mesh itself."""
+    """Return the parts of a mesh that are connected over edges."""
     labels = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
-    count = int(labels.max()) + 1
-    if count == 1:
-        return [mesh]
-    return [pick_faces(mesh, labels == k) for k in range(count)]
+    return [pick_faces(mesh, labels == k) for k in range(int(labels.max()) + 1)]
 
 
 def pick_faces(mesh: trimesh.Trimesh, chosen: NDArray[np.bool_]) -> trimesh.Trimesh:
@@ -98,14 +100,15 @@ def pick_faces(mesh: trimesh.Trimesh, chosen: NDArray[np.bool_]) -> trimesh.Trim
 
 
 def check_surface(surface: trimesh.Trimesh, path: Path) -> None:
-    """Raise ConfigError for a surface whose faces look to both of its sides, and for one that cuts itself."""
+    """Let all faces of a surface look to one side; raise ConfigError where none can, and for one that cuts itself."""
+    mend_slivers(surface, path)
     if not surface.is_winding_consistent:
-        raise ConfigError(f"{path}: neighbouring faces look to opposite sides; accepted: a surface with one front side")
+        raise ConfigError(f"{path}: has no front side, as a Moebius strip; accepted: a surface with two sides")
     check_intersections(surface, path)
 
 
 def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
-    """Read a file with its vertices merged and its unit checked; raises ConfigError."""
+    """Read a file with vertices merged, each face once (DoubledFaces), and its unit checked; raises ConfigError."""
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; accepted: a mesh, {' or '.join(SUFFIXES)}")
     if path.suffix.lower() not in SUFFIXES:
@@ -113,27 +116,38 @@ def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     if path.stat().st_size > MOST_BYTES:
         raise ConfigError(f"{path}: {path.stat().st_size:.3g} bytes; accepted: up to {MOST_BYTES:.3g}")
     try:
-        mesh = trimesh.load(path, force="mesh", process=False)
+        scene = trimesh.load_scene(path, process=False)
+        placed = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+        count = sum(max(len(part.faces), len(part.vertices) // 3) for part in placed if hasattr(part, "faces"))
+        if count > MOST_FACES:  # before copies are made: a GLB file can place a mesh any number of times
+            raise ValueError(f"{count} triangles; accepted: up to {MOST_FACES}")
+        read = scene.to_mesh()
+        mesh = trimesh.Trimesh(read.vertices, read.faces, process=False)  # without the file's normals and colours
     except Exception as error:  # a reader of many formats raises as many kinds
         raise ConfigError(f"{path}: cannot be read as a mesh: {error}") from None
-    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces) or not np.all(np.isfinite(mesh.vertices)):
-        raise ConfigError(f"{path}: holds no triangles with finite corners; accepted: a mesh of triangles")
-    if len(mesh.faces) > MOST_FACES:
-        raise ConfigError(f"{path}: {len(mesh.faces)} triangles; accepted: up to {MOST_FACES}")
+    corners, faces = mesh.vertices, mesh.faces
+    if not len(faces) or not np.isfinite(corners).all() or faces.min() < 0 or faces.max() >= len(corners):
+        raise ConfigError(f"{path}: holds no triangles, or some without finite corners; accepted: a mesh of triangles")
     mesh.apply_scale(scale)
     size = float(mesh.extents.max())
     if not SMALLEST <= size <= LARGEST:
         likely = [f"{unit} (scale: {factor:g})" for unit, factor in UNITS.items() if 0.02 <= size * factor <= 1.0]
         raise ConfigError(f"{path}: {size:.4g} m long; accepted: {SMALLEST} to {LARGEST} m; is it in "
                           f"{' or '.join(likely) or 'another unit'}?")
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.merge_vertices()
+    mesh.update_faces(np.all(np.diff(np.sort(mesh.faces, axis=1), axis=1) > 0, axis=1))
+    once = mesh.unique_faces()
+    if not once.all():
+        warnings.warn(DoubledFaces(f"{path}: {int((~once).sum())} of {len(once)} faces join the same corners as "
+                                   f"another face; each is read once"), stacklevel=1)
+        mesh.update_faces(once)
     mesh.remove_unreferenced_vertices()
     return mesh
 
 
 def check_closed(mesh: trimesh.Trimesh, path: Path) -> None:
     """Raise ConfigError unless a mesh is closed; turn its normals outward."""
+    mend_slivers(mesh, path)
     edges, counts = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
     bad = edges[counts != 2]
     if len(bad):
@@ -141,10 +155,35 @@ def check_closed(mesh: trimesh.Trimesh, path: Path) -> None:
         what = "open" if np.all(counts[counts != 2] == 1) else "open, or with more than two faces,"
         raise ConfigError(f"{path}: {what} at {len(bad)} edges, the first near ({x:.1f}, {y:.1f}, {z:.1f}) mm; "
                           f"accepted: a closed mesh, or a surface with a thickness")
-    if not mesh.is_winding_consistent:
-        trimesh.repair.fix_winding(mesh)
+    if np.linalg.matrix_rank(mesh.vertices - mesh.vertices[0], tol=1e-9) < 3:
+        raise ConfigError(f"{path}: flat, its faces enclose no volume; accepted: a closed mesh, or a surface, each "
+                          f"face once, with a thickness")
     if mesh.volume < 0.0:
         mesh.invert()
+
+
+def mend_slivers(mesh: trimesh.Trimesh, path: Path) -> None:
+    """Let neighbours look to one side, and give faces without area the other diagonal across their longest edge.
+
+    Without them a closed mesh would be open; at a rim they are left out. Raises ConfigError for some that stay."""
+    trimesh.repair.fix_winding(mesh)
+    for _ in range(PASSES):
+        faces, stays = mesh.faces.copy(), mesh.nondegenerate_faces()
+        if stays.all():
+            return
+        longest = np.linalg.norm(np.roll(mesh.triangles, -1, axis=1) - mesh.triangles, axis=2).argmax(1)
+        owner, changed = dict(zip(map(tuple, mesh.edges.tolist()), mesh.edges_face.tolist())), set()
+        for face in np.flatnonzero(~stays).tolist():
+            a, b, apex = np.roll(faces[face], -longest[face]).tolist()
+            other = owner.get((b, a))
+            if other is not None and not {face, other} & changed:
+                opposite = int(faces[other].sum()) - a - b
+                faces[face], faces[other] = (a, opposite, apex), (opposite, b, apex)
+                changed |= {face, other}
+            stays[face] = other is not None
+        mesh.faces = faces[stays]
+    raise ConfigError(f"{path}: {int((~mesh.nondegenerate_faces()).sum())} triangles without an area; accepted: a mesh "
+                      f"whose triangles have one")
 
 
 def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
@@ -155,10 +194,7 @@ def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
     a, b = directed.T
     rim = np.concatenate([np.column_stack([b, a, a + count]), np.column_stack([b, a + count, b + count])])
     faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, rim])
-    wall = trimesh.Trimesh(vertices, faces, process=False)
-    if wall.volume < 0.0:
-        wall.invert()
-    return wall
+    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def join(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
@@ -172,45 +208,3 @@ def subdivide(mesh: trimesh.Trimesh, edge: float) -> trimesh.Trimesh:
     """Return the same surface with edges of at most `edge` [m]."""
     found = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, edge, max_iter=16)
     return trimesh.Trimesh(found[0], found[1], process=False)
-
-
-def check_intersections(mesh: trimesh.Trimesh, path: Path, what: str = "a mesh that does not cut itself") -> None:
-    """Raise ConfigError where faces cut others that they share no corner with."""
-    pairs = find_near_pairs(mesh)
-    triangles = mesh.triangles
-    cut = np.zeros(len(pairs), bool)
-    for first, second in (pairs.T, pairs.T[::-1]):
-        for corner in range(3):
-            begin, end = triangles[first, corner], triangles[first, (corner + 1) % 3]
-            cut |= pierce(begin, end, triangles[second])
-    if cut.any():
-        x, y, z = 1e3 * triangles[pairs[cut][0, 0]].mean(0)
-        raise ConfigError(f"{path}: cuts itself at {int(cut.sum())} pairs of faces, the first near ({x:.1f}, {y:.1f}, "
-                          f"{z:.1f}) mm; accepted: {what}")
-
-
-def find_near_pairs(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
-    """Return pairs (n, 2) of faces whose boxes overlap and that share no corner."""
-    triangles, tree = mesh.triangles, mesh.triangles_tree
-    others, counts = tree.intersection_v(triangles.min(1), triangles.max(1))
-    pairs = np.column_stack([np.repeat(np.arange(len(counts)), counts.astype(int)), others.astype(int)])
-    pairs = pairs[pairs[:, 1] > pairs[:, 0]]
-    shared = (mesh.faces[pairs[:, 0], :, None] == mesh.faces[pairs[:, 1], None, :]).any((1, 2))
-    return pairs[~shared]
-
-
-def pierce(begin: Array, end: Array, triangles: Array) -> NDArray[np.bool_]:
-    """Test which segments (n, 3) to (n, 3) pass through the inside of triangles (n, 3, 3), by Moeller and Trumbore."""
-    direction, origin = end - begin, triangles[:, 0]
-    u_edge, v_edge = triangles[:, 1] - origin, triangles[:, 2] - origin
-    across = np.cross(direction, v_edge)
-    determinant = np.einsum("ij,ij->i", u_edge, across)
-    size = np.linalg.norm(direction, axis=1) * np.linalg.norm(u_edge, axis=1) * np.linalg.norm(v_edge, axis=1)
-    is_parallel = np.abs(determinant) <= PARALLEL * size
-    inverse = 1.0 / np.where(is_parallel, 1.0, determinant)
-    offset = begin - origin
-    u = inverse * np.einsum("ij,ij->i", offset, across)
-    turned = np.cross(offset, u_edge)
-    v = inverse * np.einsum("ij,ij->i", direction, turned)
-    t = inverse * np.einsum("ij,ij->i", v_edge, turned)
-    return ~is_parallel & (u > 0.0) & (v > 0.0) & (u + v < 1.0) & (t > 0.0) & (t < 1.0)

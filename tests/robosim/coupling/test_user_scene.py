@@ -9,6 +9,7 @@ import mpm
 from robosim import ConfigError, GranularPlugin, UnknownName
 from robosim.base.errors import BodyLeftGrid, RobotDiverged
 from robosim.coupling.mobility_probe import MobilityProbe
+from robosim.coupling.trial_step import TrialStep
 
 BOXES = """
 <mujoco>
@@ -143,8 +144,8 @@ def test_every_kind_of_geom_becomes_a_collider() -> None:
 
 
 def test_without_contact_the_step_is_mujocos_own() -> None:
-    """Bit for bit, with either integrator: a coupled body without contact moves as without coupling."""
-    for integrator in ("Euler", "RK4"):
+    """Bit for bit, with any integrator: a coupled body without contact moves as without coupling."""
+    for integrator in ("Euler", "RK4", "discrete"):
         plugin = tray(BOXES.replace("<option", f'<option integrator="{integrator}"'), bodies={"light": None})
         plain, data = mujoco.MjData(plugin.model), plugin.data
         for d in (plain, data):
@@ -158,7 +159,8 @@ def test_without_contact_the_step_is_mujocos_own() -> None:
 
 
 @pytest.mark.parametrize(("integrator", "coupling"), [
-    ("Euler", "mobility"), ("implicitfast", "mobility"), ("RK4", "mobility"), ("RK4", "lagged")])
+    ("Euler", "mobility"), ("implicitfast", "mobility"), ("RK4", "mobility"), ("RK4", "lagged"),
+    ("discrete", "mobility")])
 def test_the_control_callback_is_called_as_often_as_in_mj_step(integrator: str, coupling: str) -> None:
     """Trial steps do not call it."""
     plugin = tray(BOXES.replace("<option", f'<option integrator="{integrator}"'), bodies={"light": None},
@@ -175,6 +177,28 @@ def test_the_control_callback_is_called_as_often_as_in_mj_step(integrator: str, 
     finally:
         mujoco.set_mjcb_control(None)
     assert counts[0] == counts[1] and len(counts[0]) >= 3
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "RK4", "discrete"])
+@pytest.mark.parametrize("spring", ["", pytest.param('springyield="0.02"', marks=pytest.mark.skipif(
+    mujoco.mj_version() < 4_000_000, reason="springs yield from MuJoCo 4 on"))])
+def test_a_probe_is_the_response_of_a_step(integrator: str, spring: str) -> None:
+    """Also with a spring that yields: every probe begins with the plastic state of the step."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="0.002" integrator="{integrator}"/>
+        <worldbody><body><joint axis="0 1 0" stiffness="50" damping="0.1" {spring}/>
+        <geom size="0.02" pos="0.1 0 0" mass="0.5"/></body></worldbody></mujoco>""")
+    data, ends = mujoco.MjData(model), []
+    data.qvel[0] = 9.0
+    mujoco.mj_step(model, data, nstep=10)
+    trial = TrialStep(model, data, [1])
+    trial.begin()
+    *_, mobility = MobilityProbe(trial).predict(np.zeros((2, 6)))
+    for torque in (0.0, 0.005):
+        data.xfrc_applied[1, 4] = torque
+        trial.finish()
+        ends.append(trial.twists()[0, 4])
+        trial.roll_back()
+    assert mobility[4, 4] == pytest.approx((ends[1] - ends[0]) / (0.005 * 0.002), rel=1e-3)
 
 
 def test_a_body_that_leaves_the_grid_causes_a_warning_and_falls_freely() -> None:
