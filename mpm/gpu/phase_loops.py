@@ -67,8 +67,7 @@ class PhaseLoops:
                 ti.loop_config(block_dim=GROUP)
                 for turn in range(ti.static(self.block_parts * BLOCK**3)):
                     first, last = self.blocks_of(turn // BLOCK**3)
-                    step = ti.static(alone._replace(out=ledger_of(out, turn), thread=turn % BLOCK**3,
-                                                    threads=BLOCK**3))
+                    step = ti.static(alone._replace(out=ledger_of(out, turn), thread=turn % BLOCK**3, threads=BLOCK**3))
                     if runs > 0:
                         phase.run(self.fields, step, first, last)
             else:

@@ -82,8 +82,7 @@ class AdjointKernel:
                     if ti.static(self.depth > 1):
                         most = ti.min(self.depth, interval - done % interval)
                         most = ti.min(most, MAX_SUBSTEPS - done % interval % MAX_SUBSTEPS)  # as launches are split
-                        found = survey(self.fields, self.fields.particles, 0,
-                                       self.fields.particles.pack_count[None])
+                        found = survey(self.fields, self.fields.particles, 0, self.fields.particles.pack_count[None])
                         span = ti.max(limit_stride(self.fields, motion, done, mobile, dt, most, found), 1)
                 else:
                     begin = self.begin[first + substeps - done - 1] - first

@@ -52,8 +52,7 @@ def check_differentiable(core: Core) -> None:
     features = core.features
     if not features.serial:
         raise InvalidValue("Rollout: the solver has several threads; accepted: one of mpm.init(threads=1)")
-    missing = [phase.because for phase in phases_of(core.fields)
-               if phase.name not in ADJOINTS]
+    missing = [phase.because for phase in phases_of(core.fields) if phase.name not in ADJOINTS]
     missing += ["a body acceleration"] if features.body_acceleration else []
     if missing:
         raise InvalidValue(f"Rollout: the scene has {missing[0]}, which is not differentiated; accepted: "

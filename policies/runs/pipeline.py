@@ -168,8 +168,7 @@ class Pipeline:
                     self.stages.pop(dependent.replace("{task}", name.split(" of ")[-1]), None)
             log = self.out / "logs" / f"{name.replace(' ', '_')}.txt"
             log.parent.mkdir(exist_ok=True)
-            self._store(name, state="running", arguments=arguments,
-                        reason="interrupted; the same command continues")
+            self._store(name, state="running", arguments=arguments, reason="interrupted; the same command continues")
             began = time.time()
             while is_locked(Path(arguments[arguments.index("--out") + 1])) and not self._is_stopped:
                 time.sleep(POLL)  # a killed pipeline has left this stage's process

@@ -116,8 +116,7 @@ def worker_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of `jobs` processes, spawned because a forked one could not use a GPU.
 
     On an exception, such as Ctrl-C, the workers are stopped at once."""
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with,
-                               initargs=(os.getpid(),))
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with, initargs=(os.getpid(),))
     try:
         yield pool
     except BaseException:

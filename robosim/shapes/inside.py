@@ -155,8 +155,7 @@ def border_values(cells: np.ndarray, faces: int = 6) -> np.ndarray:
     return np.unique(np.concatenate(sides[:faces]))
 
 
-def find_skin(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float,
-              shape: tuple[int, ...]) -> np.ndarray:
+def find_skin(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
     """Return the cells of a lattice (nx, ny, nz) that a surface passes: they separate its two sides."""
     skin, upper = np.zeros(shape, bool), lower + spacing * np.array(shape)
     for part in parts:
