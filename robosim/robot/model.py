@@ -20,6 +20,10 @@ from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.robot import per_joint
 
+BANDWIDTH, DAMPING_RATIO, MOST_TURNS = 30.0, 1.0, 0.03
+"""Of a servo without gains: natural frequency [Hz], damping ratio, and largest natural frequency times step.
+
+With these a step is stable as long as the inertia is above a fifth of the model's, see `Servo.check_step`."""
 SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
 
 
@@ -32,12 +36,14 @@ class MotionLimits(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Of the joints' impedance servo, each (n,)."""
+    """Of the joints' servo, each (n,)."""
 
     stiffness: np.ndarray
     """[N m/rad]"""
     damping: np.ndarray
     """[N m s/rad]"""
+    per_inertia: bool = False
+    """Whether they multiply the arm's inertia matrix (computed torque); they are in [1/s^2], [1/s] then."""
 
 
 class Arm:
@@ -80,12 +86,15 @@ class Arm:
                   for key, value in given.items()]
         return MotionLimits(self.velocity * config.velocity_fraction, *values)
 
-    def gains(self, config: ArmServo | None = None) -> Gains:
-        """Return the servo's gains, those of the robot without a configuration; raises ConfigError."""
-        robot = self.assembly.robot
-        if config is None:
-            return Gains(robot.stiffness, robot.damping)
-        return Gains(*(per_joint(self.joints, getattr(config, key), key, "servo") for key in Gains._fields))
+    def gains(self, dt: float, config: ArmServo | None = None) -> Gains:
+        """Return the servo's gains, for a step dt [s]; those of the robot without a configuration. Raises ConfigError.
+        """
+        servo = config or self.assembly.robot.servo or ArmServo(damping_ratio=DAMPING_RATIO)
+        if servo.stiffness is not None and servo.damping is not None:
+            return Gains(per_joint(self.joints, servo.stiffness, "stiffness", "servo"),
+                         per_joint(self.joints, servo.damping, "damping", "servo"))
+        rate = np.full(len(self.joints), 2.0 * np.pi * (servo.bandwidth or min(BANDWIDTH, MOST_TURNS / dt)))
+        return Gains(rate**2, 2.0 * (servo.damping_ratio or DAMPING_RATIO) * rate, per_inertia=True)
 
     def full_configuration(self, q: np.ndarray) -> np.ndarray:
         """Return the configuration of the whole model with the arm at q."""
@@ -129,6 +138,12 @@ class Arm:
         whole = self.full_configuration(q)
         J = pinocchio.computeFrameJacobian(self.model, self.data, whole, self.frame, pinocchio.LOCAL)
         return J[:, self.v_index]
+
+    def inertia(self, q: np.ndarray) -> np.ndarray:
+        """Return the inertia matrix (n, n) of the joints, with armature."""
+        whole = pinocchio.crba(self.model, self.data, self.full_configuration(q))  # its upper triangle alone
+        M = np.triu(whole[np.ix_(self.v_index, self.v_index)])
+        return M + np.triu(M, 1).T
 
     def rigid_torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Compute torques [N m] (n,) on the links' side of the joints, without armature and joint friction."""

@@ -67,7 +67,7 @@ def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it() -> 
     put_tool(scene, data, stand)
     mujoco.mj_forward(model, data)
     grasp, still = Grasp(scene, data), np.zeros(len(q))
-    stiffness, damping = plan.arm.gains()
+    stiffness, damping, _ = plan.arm.gains(1e-3)
     slip = 0.0
     while data.time < 2.2:
         if data.time > 0.2:

@@ -53,7 +53,7 @@ def test_no_errors_change_nothing_and_a_payload_changes_hand_and_tool_alone() ->
         assert np.isclose(np.degrees(np.linalg.norm(turned)), np.linalg.norm(errors.tool_turn_deg), atol=1e-6)
         np.testing.assert_allclose(scene.model.dof_frictionloss[scene.arm_dofs],
                                    errors.friction * exact.model.dof_frictionloss[exact.arm_dofs])
-        robot = exact.assembly.robot
-        gains = errors.change_gains(Gains(robot.stiffness, robot.damping))
-        np.testing.assert_allclose(gains.stiffness, errors.stiffness * robot.stiffness)
-        np.testing.assert_allclose(gains.damping, errors.damping * robot.damping)
+        servo = exact.assembly.robot.servo
+        gains = errors.change_gains(Gains(np.array(servo.stiffness), np.array(servo.damping)))
+        np.testing.assert_allclose(gains.stiffness, np.multiply(errors.stiffness, servo.stiffness))
+        np.testing.assert_allclose(gains.damping, np.multiply(errors.damping, servo.damping))

@@ -29,7 +29,7 @@ def hold(config: RehearsalConfig, load: np.ndarray, duration: float, swing: floa
     mujoco.mj_forward(scene.model, data)
     grasp = Grasp(scene, data)
     arm, before = Arm(assemble_rehearsal(config)), np.zeros(7)
-    stiffness, damping = arm.gains(config.servo)
+    stiffness, damping, _ = arm.gains(config.host_dt, config.servo)
     while data.time < duration:
         q, qd = data.qpos[scene.arm_qpos], data.qvel[scene.arm_dofs]
         phase = np.pi * max(data.time - 0.7, 0.0)
