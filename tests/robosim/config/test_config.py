@@ -45,6 +45,7 @@ def test_keys_of_a_fluid_reach_its_law(key: str, default: object, other: object,
     ("field.region_upper=[1e6, 1, 1]", "--set field.region_upper: field.region_upper.0: .* less than or equal to 100"),
     ("field.region_upper=[90, 90, 90]", "field: region_lower .* grid nodes; accepted: up to 1e[+]08"),
     ("servo.stiffness=[1, 1, 1, 1, 1, 1, .inf]", "--set servo.stiffness: servo.stiffness.6: .* finite number"),
+    ("servo={damping: [1, 1, 1, 1, 1, 1, 1], bandwidth: 9}", "damping with bandwidth; accepted: stiffness with"),
     (f"description={'x' * 3000}", "--set description: .* at most 2000 characters"),
     ("learned=[a, b, c" + ", d" * 200 + "]", "--set learned: .* at most 200 items"),
 ])
