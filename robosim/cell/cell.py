@@ -33,7 +33,8 @@ class Cell:
             put_tool(scene, self.data, stand)
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(scene, self.data)
-        self.servo = Servo(arm, gains or arm.gains(self.model.opt.timestep))
+        dt = self.model.opt.timestep
+        self.servo = Servo(arm, gains or arm.gains(dt), dt)
         self.servo.check_step(self.model, self.data, scene.arm_dofs)
         self.contacts = ContactCounter(scene, self.data, containers)
         self.tool_name = scene.model.body(scene.tool).name

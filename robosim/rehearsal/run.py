@@ -62,8 +62,7 @@ class RehearsalRun:
         self.config = config = plan.config
         self.replay, self.errors, self.seed = replay, errors, seed
         self.material: MaterialConfig = material or load_material(config.material)
-        motion = self.plan.motion
-        self.cell = make_cell(config, plan.arm, motion.state(-config.grasp_time).q, errors)
+        self.cell = make_cell(config, plan.arm, (motion := self.plan.motion).state(-config.grasp_time).q, errors)
         self.cell.check_path(motion.state(time).q for time in np.linspace(0.0, motion.duration, PATH_POSTURES))
         self.sensors = TorqueSensors(self.cell.model, self.cell.data, plan.arm)
         self.surface = monitor_containers(config)
@@ -181,7 +180,7 @@ class RehearsalRun:
         self.readings.steps.append(self._read_step(target, torque, q, qd, velocity))
         if index % SERVO_INTERVAL == SERVO_INTERVAL - 1:
             speeds = np.array([step.qd for step in self.readings.steps[-SERVO_INTERVAL:]])
-            cell.servo.check_motion(self.time, self.config.host_dt, speeds)
+            cell.servo.check_motion(self.time, speeds)
         self._record_grains(index)
 
     def save_last_good_state(self, path: Path) -> None:

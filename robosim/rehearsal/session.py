@@ -197,8 +197,7 @@ def check_config(config: RehearsalConfig) -> RehearsalConfig:
     assembly = assemble_rehearsal(config)
     name_joints(assembly.robot.joints, config.joint_trajectory)  # raises for names that cannot be used
     check_payload(assembly)
-    arm = Arm(assembly)
-    make_cell(config, arm, arm.home)  # raises for gains that the step is too long for
+    make_cell(config, Arm(assembly), assembly.robot.home)  # raises for gains that the step is too long for
     return config
 
 

@@ -68,10 +68,12 @@ class JointSmoother:
 
 
 class Servo:
-    """Joint servo of an arm: impedance control with gains of torque, computed torque with those per inertia."""
+    """Joint servo of an arm: impedance control with gains of torque, computed torque with those per inertia.
 
-    def __init__(self, arm: Arm, gains: Gains) -> None:
-        self.arm, self.gains, self._initial = arm, gains, gains
+    dt: MuJoCo's step [s]."""
+
+    def __init__(self, arm: Arm, gains: Gains, dt: float) -> None:
+        self.arm, self.gains, self._initial, self._dt = arm, gains, gains, dt
         self.saturations = 0
         """Number of commands that the torque limits clipped."""
         self.demanded_torque = np.zeros(len(arm.joints))
@@ -85,41 +87,38 @@ class Servo:
     def check_step(self, model: mujoco.MjModel, data: mujoco.MjData, dofs: np.ndarray) -> None:
         """Raise ConfigError where MuJoCo's step is too long for the gains.
 
-        A torque that is constant over a step dt adds energy from 2 dt d + dt^2 k = 4 on, with d and k the largest
-        damping and stiffness per inertia, in a step that is semi-implicit as MuJoCo's are. Passive damping of joints,
-        which implicitfast takes in implicitly, only allows more. data: scene in the posture that is checked, whose
-        fingers and held tool lower the inertia of the arm. dofs (n,): indices of the arm."""
-        M = np.zeros((model.nv, model.nv))
+        A torque that is constant over a semi-implicit step dt adds energy from 2 dt d + dt^2 k = 4 on, with d and k the
+        largest damping and stiffness per inertia. implicitfast adds dt times the joints' passive damping to the
+        inertia. data: scene in the posture that is checked, whose fingers and held tool lower the inertia of the arm.
+        dofs (n,): indices of the arm."""
+        M, passive, inertia = np.zeros((model.nv, model.nv)), model.dof_damping, np.eye(len(dofs))
         mujoco.mj_fullM(model, data, M)
-        mobility = np.linalg.inv(M)[np.ix_(dofs, dofs)]
+        mobility = np.linalg.inv(M + self._dt * np.diag(passive))[np.ix_(dofs, dofs)]
         if self.gains.per_inertia:
-            mobility = mobility @ self.arm.inertia(data.qpos[model.jnt_qposadr[model.dof_jntid[dofs]]])
-        (d, mode), (k, _) = (largest_eigenvalue(mobility * gain) for gain in (self.gains.damping, self.gains.stiffness))
+            inertia = self.arm.inertia(data.qpos[model.jnt_qposadr[model.dof_jntid[dofs]]], self._dt)
+        ds, modes = map(np.real, np.linalg.eig(mobility @ (inertia * self.gains.damping + np.diag(passive[dofs]))))
+        d, k = ds.max(), np.linalg.eigvals(mobility @ (inertia * self.gains.stiffness)).real.max()
         bound = (np.sqrt(d * d + 4.0 * k) - d) / k
-        if model.opt.timestep >= bound:
-            servo = self.describe(int(np.argmax(np.abs(mode))))
-            raise ConfigError(f"host_dt = {model.opt.timestep:g} s: {servo} needs steps below {bound:.3g} s; accepted: "
+        if self._dt >= bound:
+            servo = self.describe(int(np.argmax(np.abs(modes[:, np.argmax(ds)]))))
+            raise ConfigError(f"host_dt = {self._dt:g} s: {servo} needs steps below {bound:.3g} s; accepted: "
                               f"a shorter host_dt, or a softer servo")
 
-    def check_motion(self, time: float, dt: float, qd: np.ndarray) -> None:
-        """Raise RobotDiverged where the speeds (k, n) [rad/s] of the last k steps of dt [s] show an unstable joint.
+    def check_motion(self, time: float, qd: np.ndarray) -> None:
+        """Raise RobotDiverged where the speeds (k, n) [rad/s] of the last k steps show an unstable joint.
 
         The unstable mode of a sampled servo changes its sign from step to step. time: that of the last step [s]."""
         jumps = np.diff(qd, axis=0) / self.arm.velocity
         smallest = np.abs(jumps).min(axis=0) * np.all(jumps[1:] * jumps[:-1] < 0.0, axis=0)
         if smallest.max() > OSCILLATION:
-            joint = int(np.argmax(smallest))
-            raise RobotDiverged(time, [f"{self.describe(joint)} is unstable in steps of host_dt = {dt:g} s; accepted: "
-                                       f"a shorter host_dt, or a softer servo"])
+            raise RobotDiverged(time, [f"{self.describe(int(np.argmax(smallest)))} is unstable in steps of host_dt = "
+                                       f"{self._dt:g} s; accepted: a shorter host_dt, or a softer servo"])
 
     def describe(self, joint: int) -> str:
         """Return a joint, by its number, with its gains."""
-        stiffness, damping = self.gains.stiffness[joint], self.gains.damping[joint]
-        if self.gains.per_inertia:
-            rate = np.sqrt(stiffness)
-            gains = f"bandwidth {rate / (2.0 * np.pi):.3g} Hz, damping ratio {0.5 * damping / rate:.3g}"
-        else:
-            gains = f"stiffness {stiffness:.3g}, damping {damping:.3g}"
+        (stiffness, damping), rate = (gain[joint] for gain in self.gains[:2]), np.sqrt(self.gains.stiffness[joint])
+        gains = f"bandwidth {rate / (2.0 * np.pi):.3g} Hz, damping ratio {0.5 * damping / rate:.3g}" \
+            if self.gains.per_inertia else f"stiffness {stiffness:.3g}, damping {damping:.3g}"
         return f"the servo of joint {self.arm.joints[joint]} ({gains})"
 
     def compute_torque(self, target: JointState, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
@@ -129,20 +128,13 @@ class Servo:
         inertia. q, qd: measured angles [rad] and speeds [rad/s], each (n,). target: commanded joint state q*."""
         feedback = self.gains.stiffness * (target.q - q) + self.gains.damping * (target.qd - qd)
         if self.gains.per_inertia:
-            tau = self.arm.inverse_dynamics(q, target.qd, target.qdd + feedback)
+            tau = self.arm.inverse_dynamics(q, target.qd, target.qdd + feedback, self._dt)
         else:
             tau = feedback + self.arm.inverse_dynamics(q, target.qd, target.qdd)
         self.demanded_torque = tau
         clipped = np.clip(tau, -self.arm.torque_limits, self.arm.torque_limits)
         self.saturations += int(np.any(clipped != tau))
         return clipped
-
-
-def largest_eigenvalue(matrix: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the largest of a matrix's real eigenvalues, and its vector."""
-    values, vectors = map(np.real, np.linalg.eig(matrix))
-    k = int(np.argmax(values))
-    return float(values[k]), vectors[:, k]
 
 
 class TorqueSensors:

@@ -139,20 +139,23 @@ class Arm:
         J = pinocchio.computeFrameJacobian(self.model, self.data, whole, self.frame, pinocchio.LOCAL)
         return J[:, self.v_index]
 
-    def inertia(self, q: np.ndarray) -> np.ndarray:
-        """Return the inertia matrix (n, n) of the joints, with armature."""
+    def inertia(self, q: np.ndarray, dt: float = 0.0) -> np.ndarray:
+        """Return the inertia matrix (n, n) of the joints with armature, and viscous friction as of `inverse_dynamics`.
+        """
         whole = pinocchio.crba(self.model, self.data, self.full_configuration(q))  # its upper triangle alone
         M = np.triu(whole[np.ix_(self.v_index, self.v_index)])
-        return M + np.triu(M, 1).T
+        return M + np.triu(M, 1).T + dt * np.diag(self._damping)
 
     def rigid_torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Compute torques [N m] (n,) on the links' side of the joints, without armature and joint friction."""
         return self._rnea(q, qd, qdd) - self.model.armature[self.v_index] * qdd
 
-    def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Compute the motor torques [N m] (n,) of a motion, with armature, viscous and dry friction."""
+    def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dt: float = 0.0) -> np.ndarray:
+        """Compute the motor torques [N m] (n,) of a motion, with armature, viscous and dry friction.
+
+        dt: step [s] at whose end the viscous friction acts, as with MuJoCo's implicitfast."""
         # dry friction changes its sign over 0.01 rad/s, or the command would chatter at rest
-        return self._rnea(q, qd, qdd) + self._damping * qd + self._friction * np.tanh(qd / 0.01)
+        return self._rnea(q, qd, qdd) + self._damping * (qd + dt * qdd) + self._friction * np.tanh(qd / 0.01)
 
     def _rnea(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)

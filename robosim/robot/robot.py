@@ -99,9 +99,6 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
                           f"{limits['upper'][k]:.4g}")
     touching = exclude_contacts(spec, bodies, names, home)
     sources["servo"] = ASSUMED if config.servo is None else CONFIGURED
-    for key in ("stiffness", "damping"):
-        if (values := getattr(config.servo, key, None)) is not None:
-            per_joint(names, values, key, path)  # raises for a wrong number
     gripper = config.gripper  # a file's path is relative to that folder
     if gripper.endswith((".yaml", ".yml")):
         gripper = str((place / gripper).resolve())
