@@ -179,8 +179,7 @@ class RehearsalRun:
             self.surface.record_penetrations(cell.tool_pose())
         self.readings.steps.append(self._read_step(target, torque, q, qd, velocity))
         if index % SERVO_INTERVAL == SERVO_INTERVAL - 1:
-            speeds = np.array([step.qd for step in self.readings.steps[-SERVO_INTERVAL:]])
-            cell.servo.check_motion(self.time, speeds)
+            cell.servo.check_motion(self.time, np.array([step.qd for step in self.readings.steps[-SERVO_INTERVAL:]]))
         self._record_grains(index)
 
     def save_last_good_state(self, path: Path) -> None:
@@ -237,9 +236,7 @@ class RehearsalRun:
 
 
 def make_cell(config: RehearsalConfig, arm: Arm, q: np.ndarray, errors: ModelErrors | None = None) -> Cell:
-    """Assemble and compile a rehearsal's scene, with errors of the robot's model, in a posture q (n,) [rad].
-
-    Raises ConfigError for a servo that is unstable there."""
+    """Assemble and compile a rehearsal's scene at q (n,) [rad], where an unstable servo raises ConfigError."""
     spec = build_rehearsal_spec(config, arm.assembly)
     if errors is not None:
         errors.place_tool(spec, config.tool_name)

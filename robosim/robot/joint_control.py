@@ -26,13 +26,10 @@ class JointSmoother:
     def __init__(self, limits: MotionLimits, dt: float, arm: Arm) -> None:
         n = len(arm.joints)
         self._otg, self._request, self._output = Ruckig(n, dt), InputParameter(n), OutputParameter(n)
-        self._speed = limits.velocity
-        self._lower, self._upper = arm.lower, arm.upper
+        self._speed, self._lower, self._upper = limits.velocity, arm.lower, arm.upper
         self._request.control_interface = ControlInterface.Velocity
         self._request.synchronization = Synchronization.No
-        self._request.max_velocity = list(self._speed)
-        self._request.max_acceleration = list(limits.acceleration)
-        self._request.max_jerk = list(limits.jerk)
+        self._request.max_velocity, self._request.max_acceleration, self._request.max_jerk = map(list, limits)
         self.restart(np.zeros(n))
 
     def restart(self, q: np.ndarray) -> None:
@@ -127,10 +124,8 @@ class Servo:
         tau = K (q* - q) + D (q*' - q') + inverse dynamics; K and D multiply the inertia matrix where they are gains per
         inertia. q, qd: measured angles [rad] and speeds [rad/s], each (n,). target: commanded joint state q*."""
         feedback = self.gains.stiffness * (target.q - q) + self.gains.damping * (target.qd - qd)
-        if self.gains.per_inertia:
-            tau = self.arm.inverse_dynamics(q, target.qd, target.qdd + feedback, self._dt)
-        else:
-            tau = feedback + self.arm.inverse_dynamics(q, target.qd, target.qdd)
+        torque, acceleration, dt = (0.0, feedback, self._dt) if self.gains.per_inertia else (feedback, 0.0, 0.0)
+        tau = torque + self.arm.inverse_dynamics(q, target.qd, target.qdd + acceleration, dt)
         self.demanded_torque = tau
         clipped = np.clip(tau, -self.arm.torque_limits, self.arm.torque_limits)
         self.saturations += int(np.any(clipped != tau))

@@ -56,7 +56,7 @@ class Arm:
         self.assembly, robot = assembly, assembly.robot
         with tempfile.TemporaryDirectory() as directory:
             path = Path(directory) / "robot.xml"
-            write_robot_mjcf(assembly, path)
+            compiled = write_robot_mjcf(assembly, path)
             self.model = pinocchio.buildModelFromMJCF(str(path))
         self.data = self.model.createData()
         self.joints, self.home = robot.joints, robot.home
@@ -72,6 +72,11 @@ class Arm:
         self.neutral = pinocchio.neutral(self.model)
         self._friction = self.model.upperDryFrictionLimit[self.v_index]
         self._damping = self.model.damping[self.v_index]
+        dofs = [compiled.joint(name).dofadr[0] for name in robot.joints]
+        (d0, d1, *_), period = compiled.dof_solimp[dofs].T, compiled.dof_solref[dofs, 0]
+        # MuJoCo's dry friction is soft: full from this speed on. The command would chatter at rest below 0.01 rad/s
+        creep = self._friction * compiled.dof_invweight0[dofs] * (1.0 / np.maximum(d0, 1e-4) - 1.0) * d1 * period / 2.0
+        self._creep = np.maximum(0.01, creep)
 
     def step_limits(self) -> MotionLimits:
         """Return the limits of a motion that is commanded step by step."""
@@ -87,8 +92,7 @@ class Arm:
         return MotionLimits(self.velocity * config.velocity_fraction, *values)
 
     def gains(self, dt: float, config: ArmServo | None = None) -> Gains:
-        """Return the servo's gains, for a step dt [s]; those of the robot without a configuration. Raises ConfigError.
-        """
+        """Return the servo's gains for a step dt [s], the robot's without a configuration; raises ConfigError."""
         servo = config or self.assembly.robot.servo or ArmServo(damping_ratio=DAMPING_RATIO)
         if servo.stiffness is not None and servo.damping is not None:
             return Gains(per_joint(self.joints, servo.stiffness, "stiffness", "servo"),
@@ -140,8 +144,7 @@ class Arm:
         return J[:, self.v_index]
 
     def inertia(self, q: np.ndarray, dt: float = 0.0) -> np.ndarray:
-        """Return the inertia matrix (n, n) of the joints with armature, and viscous friction as of `inverse_dynamics`.
-        """
+        """Return the joints' inertia matrix (n, n) with armature, and friction over a step as `inverse_dynamics`."""
         whole = pinocchio.crba(self.model, self.data, self.full_configuration(q))  # its upper triangle alone
         M = np.triu(whole[np.ix_(self.v_index, self.v_index)])
         return M + np.triu(M, 1).T + dt * np.diag(self._damping)
@@ -153,9 +156,8 @@ class Arm:
     def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dt: float = 0.0) -> np.ndarray:
         """Compute the motor torques [N m] (n,) of a motion, with armature, viscous and dry friction.
 
-        dt: step [s] at whose end the viscous friction acts, as with MuJoCo's implicitfast."""
-        # dry friction changes its sign over 0.01 rad/s, or the command would chatter at rest
-        return self._rnea(q, qd, qdd) + self._damping * (qd + dt * qdd) + self._friction * np.tanh(qd / 0.01)
+        dt: step [s] at whose end viscous friction acts, as with MuJoCo's implicitfast."""
+        return self._rnea(q, qd, qdd) + self._damping * (qd + dt * qdd) + self._friction * np.tanh(qd / self._creep)
 
     def _rnea(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)
@@ -167,8 +169,8 @@ def _format(values: np.ndarray) -> str:
     return " ".join(repr(float(v)) for v in np.atleast_1d(values))
 
 
-def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
-    """Write arm, hand and tool without geometry, contact or actuators to a file."""
+def write_robot_mjcf(assembly: Assembly, path: Path) -> mujoco.MjModel:
+    """Write arm, hand and tool without geometry, contact or actuators to a file; return the compiled model of all."""
     spec = mujoco.MjSpec()
     assembly.attach_to(spec)
     model = compile_spec(spec)
@@ -197,3 +199,4 @@ def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
             ET.SubElement(elements[model.site_bodyid[i]], "site", name=assembly.robot.flange,
                           pos=_format(model.site_pos[i]), quat=_format(model.site_quat[i]))
     path.write_text(ET.tostring(root, encoding="unicode"))
+    return model

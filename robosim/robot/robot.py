@@ -54,7 +54,6 @@ class Robot:
     home: np.ndarray
     """Posture with which the search for postures begins."""
     servo: ArmServo | None
-    """None: assumed."""
     payload: float | None
     """[kg]"""
     gripper: str
