@@ -1,6 +1,6 @@
 """The cell: a robot that holds a tool, and the grains that the tool moves."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 import mujoco
 import numpy as np
@@ -33,11 +33,20 @@ class Cell:
             put_tool(scene, self.data, stand)
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(scene, self.data)
-        self.servo = Servo(arm, gains)
+        dt = self.model.opt.timestep
+        self.servo = Servo(arm, gains or arm.gains(dt), dt)
         self.servo.check_step(self.model, self.data, scene.arm_dofs)
         self.contacts = ContactCounter(scene, self.data, containers)
         self.tool_name = scene.model.body(scene.tool).name
         """Name of the tool's body."""
+
+    def check_path(self, path: Iterable[np.ndarray]) -> None:
+        """Raise ConfigError where the time step is too long for the gains in a posture (n,) [rad] of a path."""
+        data = mujoco.MjData(self.model)
+        for q in path:
+            data.qpos[self.scene.arm_qpos] = q
+            mujoco.mj_fwdPosition(self.model, data)
+            self.servo.check_step(self.model, data, self.scene.arm_dofs)
 
     def couple(self, solver: mpm.Solver, collider: int, coupling: Coupling) -> None:
         """Give the cell its grains; collider: index of the tool's in the solver."""

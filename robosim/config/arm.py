@@ -48,12 +48,24 @@ class StepwiseLimits(Table):
 
 
 class ArmServo(Table):
-    """Impedance servo of the joints."""
+    """Servo of the joints: gains of each, or a bandwidth with which they follow from the arm's inertia matrix."""
 
-    stiffness: PerJoint
-    """[N m/rad]"""
-    damping: PerJoint
+    stiffness: PerJoint | None = None
+    """[N m/rad]; null: from the bandwidth."""
+    damping: PerJoint | None = None
     """[N m s/rad]"""
+    bandwidth: Annotated[float, Field(ge=0.1, le=1000.0)] | None = None
+    """Natural frequency [Hz] of a joint's error; null: 30, or 0.03 / host_dt where that is lower."""
+    damping_ratio: Annotated[float, Field(ge=0.05, le=10.0)] | None = None
+    """Of a joint's error, to its bandwidth; null: 1, no overshoot."""
+
+    @model_validator(mode="after")
+    def _check_kind(self) -> "ArmServo":
+        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        if given not in (["stiffness", "damping"], ["bandwidth"], ["damping_ratio"], ["bandwidth", "damping_ratio"]):
+            raise ValueError(f"{' with '.join(given) or 'no key'}; accepted: stiffness with damping, or bandwidth, "
+                             f"damping_ratio or both")
+        return self
 
 
 class ArmConfig(Table):
@@ -82,7 +94,7 @@ class ArmConfig(Table):
     limits: ArmLimits = ArmLimits()
     stepwise: StepwiseLimits = StepwiseLimits()
     servo: ArmServo | None = None
-    """Gains; the default follows from the limits, see `robosim.robot.robot`."""
+    """null: by the default bandwidth and damping ratio."""
 
 
 class GripperConfig(Table):

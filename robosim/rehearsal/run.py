@@ -11,6 +11,7 @@ from robosim.base.errors import ConfigError
 from robosim.cell.cell import Cell
 from robosim.cell.drivers import MotionDriver, OwnDriver, RobotState
 from robosim.config.materials import MaterialConfig, load_material
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.lip_motion import dose_cup
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import Plan
@@ -19,6 +20,7 @@ from robosim.rehearsal.dosing_driver import DosingDriver
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
 from robosim.rehearsal.recorded_motion import RecordedMotion
 from robosim.robot.joint_control import TorqueSensors
+from robosim.robot.model import Arm
 from robosim.robot.model_errors import ModelErrors
 from robosim.robot.timing import JointState
 from robosim.scene.build import build_rehearsal_spec
@@ -32,6 +34,10 @@ GRAIN_SAMPLE_INTERVAL = 10
 """Steps between readings that need all grains' positions."""
 ENERGY_SAMPLE_INTERVAL = 100
 """Steps between readings of the grains' energies."""
+SERVO_INTERVAL = 20
+"""Steps between checks of the servo, of as many steps each."""
+PATH_POSTURES = 200
+"""Postures of the motion in which the servo is checked before it."""
 STATE_INTERVAL = 250
 """Steps between states stored in memory, to be written when the run diverges."""
 DOSE = "dose"
@@ -56,7 +62,8 @@ class RehearsalRun:
         self.config = config = plan.config
         self.replay, self.errors, self.seed = replay, errors, seed
         self.material: MaterialConfig = material or load_material(config.material)
-        self.cell = self._make_cell()
+        self.cell = make_cell(config, plan.arm, (motion := self.plan.motion).state(-config.grasp_time).q, errors)
+        self.cell.check_path(motion.state(time).q for time in np.linspace(0.0, motion.duration, PATH_POSTURES))
         self.sensors = TorqueSensors(self.cell.model, self.cell.data, plan.arm)
         self.surface = monitor_containers(config)
         """The containers' surfaces, against which the tool is tested; None where they are not monitored."""
@@ -83,19 +90,6 @@ class RehearsalRun:
         waypoint = config.weigh_at
         self._weighing_end = np.inf if waypoint is None else rests[waypoint][1] + config.grasp_time
         self._store_state()
-
-    def _make_cell(self) -> Cell:
-        """Assemble and compile the scene, with the errors of the robot's model, in the motion's first posture."""
-        config, arm, errors = self.config, self.plan.arm, self.errors
-        spec = build_rehearsal_spec(config, arm.assembly)
-        if errors is not None:
-            errors.place_tool(spec, config.tool_name)
-        scene = compile_scene(spec, arm.assembly)
-        if errors is not None:
-            errors.change_model(scene.model, scene.wrist, scene.arm_dofs)
-        gains = arm.gains(config.servo)
-        return Cell(scene, arm, self.plan.motion.state(-config.grasp_time).q, config.containers,
-                    gains=gains if errors is None else errors.change_gains(gains), stand=config.standing_pose)
 
     def _make_driver(self, own: Any) -> MotionDriver:
         """Make what commands the joints: a user's own driver, the plan with a dose, or the plan or recording alone."""
@@ -184,6 +178,8 @@ class RehearsalRun:
         if self.surface is not None:
             self.surface.record_penetrations(cell.tool_pose())
         self.readings.steps.append(self._read_step(target, torque, q, qd, velocity))
+        if index % SERVO_INTERVAL == SERVO_INTERVAL - 1:
+            cell.servo.check_motion(self.time, np.array([step.qd for step in self.readings.steps[-SERVO_INTERVAL:]]))
         self._record_grains(index)
 
     def save_last_good_state(self, path: Path) -> None:
@@ -237,3 +233,16 @@ class RehearsalRun:
     def _store_state(self) -> None:
         data = self.cell.data
         self._last_good_state = self.solver.state() | {"qpos": data.qpos.copy(), "qvel": data.qvel.copy()}
+
+
+def make_cell(config: RehearsalConfig, arm: Arm, q: np.ndarray, errors: ModelErrors | None = None) -> Cell:
+    """Assemble and compile a rehearsal's scene at q (n,) [rad], where an unstable servo raises ConfigError."""
+    spec = build_rehearsal_spec(config, arm.assembly)
+    if errors is not None:
+        errors.place_tool(spec, config.tool_name)
+    scene = compile_scene(spec, arm.assembly)
+    if errors is not None:
+        errors.change_model(scene.model, scene.wrist, scene.arm_dofs)
+    gains = arm.gains(config.host_dt, config.servo)
+    return Cell(scene, arm, q, config.containers, gains=gains if errors is None else errors.change_gains(gains),
+                stand=config.standing_pose)

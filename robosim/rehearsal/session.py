@@ -30,8 +30,9 @@ from robosim.rehearsal.page import make_page
 from robosim.rehearsal.recorded_motion import RecordedMotion, read_log
 from robosim.rehearsal.recorder import RunReadings, finish_recording, make_recorder
 from robosim.rehearsal.result import MISSED_TRAJECTORY, RESULTS, TRAJECTORY, Result
-from robosim.rehearsal.run import RehearsalRun
+from robosim.rehearsal.run import RehearsalRun, make_cell
 from robosim.robot.assembly import check_payload
+from robosim.robot.model import Arm
 from robosim.robot.model_errors import draw_model_errors
 from robosim.robot.ros_trajectory import name_joints
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
@@ -196,6 +197,7 @@ def check_config(config: RehearsalConfig) -> RehearsalConfig:
     assembly = assemble_rehearsal(config)
     name_joints(assembly.robot.joints, config.joint_trajectory)  # raises for names that cannot be used
     check_payload(assembly)
+    make_cell(config, Arm(assembly), assembly.robot.home)  # raises for gains that the step is too long for
     return config
 
 

@@ -1,4 +1,4 @@
-"""Control of the joints step by step: smoothed commands, an impedance servo, and torque sensors."""
+"""Control of the joints step by step: smoothed commands, a servo, and torque sensors."""
 
 from typing import Any
 
@@ -10,6 +10,8 @@ from robosim.base.errors import ConfigError, RobotDiverged
 from robosim.robot.model import Arm, Gains, MotionLimits
 from robosim.robot.timing import JointState
 
+OSCILLATION = 0.02
+"""Share of a joint's speed limit by which its speed jumps back and forth in every step where the servo is unstable."""
 CATCH_UP = 20.0
 """Rate [1/s] at which the smoothed motion closes the gap to its goal."""
 
@@ -24,13 +26,10 @@ class JointSmoother:
     def __init__(self, limits: MotionLimits, dt: float, arm: Arm) -> None:
         n = len(arm.joints)
         self._otg, self._request, self._output = Ruckig(n, dt), InputParameter(n), OutputParameter(n)
-        self._speed = limits.velocity
-        self._lower, self._upper = arm.lower, arm.upper
+        self._speed, self._lower, self._upper = limits.velocity, arm.lower, arm.upper
         self._request.control_interface = ControlInterface.Velocity
         self._request.synchronization = Synchronization.No
-        self._request.max_velocity = list(self._speed)
-        self._request.max_acceleration = list(limits.acceleration)
-        self._request.max_jerk = list(limits.jerk)
+        self._request.max_velocity, self._request.max_acceleration, self._request.max_jerk = map(list, limits)
         self.restart(np.zeros(n))
 
     def restart(self, q: np.ndarray) -> None:
@@ -66,11 +65,12 @@ class JointSmoother:
 
 
 class Servo:
-    """Joint impedance servo of an arm."""
+    """Joint servo of an arm: impedance control with gains of torque, computed torque with those per inertia.
 
-    def __init__(self, arm: Arm, gains: Gains | None = None) -> None:
-        self.arm = arm
-        self._gains = self._stiffness, self._damping = arm.gains() if gains is None else gains
+    dt: MuJoCo's step [s]."""
+
+    def __init__(self, arm: Arm, gains: Gains, dt: float) -> None:
+        self.arm, self.gains, self._initial, self._dt = arm, gains, gains, dt
         self.saturations = 0
         """Number of commands that the torque limits clipped."""
         self.demanded_torque = np.zeros(len(arm.joints))
@@ -78,31 +78,54 @@ class Servo:
 
     def scale(self, stiffness: float, damping: float) -> None:
         """Set the gains to those of the beginning times two factors."""
-        self._stiffness, self._damping = stiffness * self._gains[0], damping * self._gains[1]
+        self.gains = self._initial._replace(stiffness=stiffness * self._initial.stiffness,
+                                            damping=damping * self._initial.damping)
 
     def check_step(self, model: mujoco.MjModel, data: mujoco.MjData, dofs: np.ndarray) -> None:
         """Raise ConfigError where MuJoCo's step is too long for the gains.
 
-        A torque that is constant over a step dt adds energy from 2 dt d + dt^2 k = 4 on, with d and k the largest
-        damping and stiffness per inertia. data: scene in the posture that is checked. dofs (n,): indices of the arm."""
-        M = np.zeros((model.nv, model.nv))
+        A torque that is constant over a semi-implicit step dt adds energy from 2 dt d + dt^2 k = 4 on, with d and k the
+        largest damping and stiffness per inertia. implicitfast adds dt times the joints' passive damping to the
+        inertia. data: scene in the posture that is checked, whose fingers and held tool lower the inertia of the arm.
+        dofs (n,): indices of the arm."""
+        M, passive, inertia = np.zeros((model.nv, model.nv)), model.dof_damping, np.eye(len(dofs))
         mujoco.mj_fullM(model, data, M)
-        inverse_inertia = np.linalg.inv(M)[np.ix_(dofs, dofs)]
-        # the eigenvalues of M^-1 diag(gains), of a symmetric matrix that is similar to it
-        roots = [np.sqrt(gains) for gains in (self._damping, self._stiffness)]
-        d, k = (float(np.linalg.eigvalsh(root[:, None] * inverse_inertia * root)[-1]) for root in roots)
+        mobility = np.linalg.inv(M + self._dt * np.diag(passive))[np.ix_(dofs, dofs)]
+        if self.gains.per_inertia:
+            inertia = self.arm.inertia(data.qpos[model.jnt_qposadr[model.dof_jntid[dofs]]], self._dt)
+        ds, modes = map(np.real, np.linalg.eig(mobility @ (inertia * self.gains.damping + np.diag(passive[dofs]))))
+        d, k = ds.max(), np.linalg.eigvals(mobility @ (inertia * self.gains.stiffness)).real.max()
         bound = (np.sqrt(d * d + 4.0 * k) - d) / k
-        if model.opt.timestep >= bound:
-            raise ConfigError(f"host_dt = {model.opt.timestep:g} s: the servo's stiffness and damping need steps below "
-                              f"{bound:.3g} s; choose a shorter step or softer gains")
+        if self._dt >= bound:
+            servo = self.describe(int(np.argmax(np.abs(modes[:, np.argmax(ds)]))))
+            raise ConfigError(f"host_dt = {self._dt:g} s: {servo} needs steps below {bound:.3g} s; accepted: "
+                              f"a shorter host_dt, or a softer servo")
+
+    def check_motion(self, time: float, qd: np.ndarray) -> None:
+        """Raise RobotDiverged where the speeds (k, n) [rad/s] of the last k steps show an unstable joint.
+
+        The unstable mode of a sampled servo changes its sign from step to step. time: that of the last step [s]."""
+        jumps = np.diff(qd, axis=0) / self.arm.velocity
+        smallest = np.abs(jumps).min(axis=0) * np.all(jumps[1:] * jumps[:-1] < 0.0, axis=0)
+        if smallest.max() > OSCILLATION:
+            raise RobotDiverged(time, [f"{self.describe(int(np.argmax(smallest)))} is unstable in steps of host_dt = "
+                                       f"{self._dt:g} s; accepted: a shorter host_dt, or a softer servo"])
+
+    def describe(self, joint: int) -> str:
+        """Return a joint, by its number, with its gains."""
+        (stiffness, damping), rate = (gain[joint] for gain in self.gains[:2]), np.sqrt(self.gains.stiffness[joint])
+        gains = f"bandwidth {rate / (2.0 * np.pi):.3g} Hz, damping ratio {0.5 * damping / rate:.3g}" \
+            if self.gains.per_inertia else f"stiffness {stiffness:.3g}, damping {damping:.3g}"
+        return f"the servo of joint {self.arm.joints[joint]} ({gains})"
 
     def compute_torque(self, target: JointState, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Compute clipped motor torques [N m] (n,).
 
-        tau = K (q* - q) + D (q*' - q') + inverse dynamics. q, qd: measured angles [rad] and speeds [rad/s], each (n,).
-        target: commanded joint state q*."""
-        tau = self._stiffness * (target.q - q) + self._damping * (target.qd - qd)
-        tau += self.arm.inverse_dynamics(q, target.qd, target.qdd)
+        tau = K (q* - q) + D (q*' - q') + inverse dynamics; K and D multiply the inertia matrix where they are gains per
+        inertia. q, qd: measured angles [rad] and speeds [rad/s], each (n,). target: commanded joint state q*."""
+        feedback = self.gains.stiffness * (target.q - q) + self.gains.damping * (target.qd - qd)
+        torque, acceleration, dt = (0.0, feedback, self._dt) if self.gains.per_inertia else (feedback, 0.0, 0.0)
+        tau = torque + self.arm.inverse_dynamics(q, target.qd, target.qdd + acceleration, dt)
         self.demanded_torque = tau
         clipped = np.clip(tau, -self.arm.torque_limits, self.arm.torque_limits)
         self.saturations += int(np.any(clipped != tau))

@@ -20,6 +20,10 @@ from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.robot import per_joint
 
+BANDWIDTH, DAMPING_RATIO, MOST_TURNS = 30.0, 1.0, 0.03
+"""Of a servo without gains: natural frequency [Hz], damping ratio, and largest natural frequency times step.
+
+With these a step is stable as long as the inertia is above a fifth of the model's, see `Servo.check_step`."""
 SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
 
 
@@ -32,12 +36,14 @@ class MotionLimits(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Of the joints' impedance servo, each (n,)."""
+    """Of the joints' servo, each (n,)."""
 
     stiffness: np.ndarray
     """[N m/rad]"""
     damping: np.ndarray
     """[N m s/rad]"""
+    per_inertia: bool = False
+    """Whether they multiply the arm's inertia matrix (computed torque); they are in [1/s^2], [1/s] then."""
 
 
 class Arm:
@@ -50,7 +56,7 @@ class Arm:
         self.assembly, robot = assembly, assembly.robot
         with tempfile.TemporaryDirectory() as directory:
             path = Path(directory) / "robot.xml"
-            write_robot_mjcf(assembly, path)
+            compiled = write_robot_mjcf(assembly, path)
             self.model = pinocchio.buildModelFromMJCF(str(path))
         self.data = self.model.createData()
         self.joints, self.home = robot.joints, robot.home
@@ -66,6 +72,11 @@ class Arm:
         self.neutral = pinocchio.neutral(self.model)
         self._friction = self.model.upperDryFrictionLimit[self.v_index]
         self._damping = self.model.damping[self.v_index]
+        dofs = [compiled.joint(name).dofadr[0] for name in robot.joints]
+        (d0, d1, *_), period = compiled.dof_solimp[dofs].T, compiled.dof_solref[dofs, 0]
+        # MuJoCo's dry friction is soft: full from this speed on. The command would chatter at rest below 0.01 rad/s
+        creep = self._friction * compiled.dof_invweight0[dofs] * (1.0 / np.maximum(d0, 1e-4) - 1.0) * d1 * period / 2.0
+        self._creep = np.maximum(0.01, creep)
 
     def step_limits(self) -> MotionLimits:
         """Return the limits of a motion that is commanded step by step."""
@@ -80,12 +91,14 @@ class Arm:
                   for key, value in given.items()]
         return MotionLimits(self.velocity * config.velocity_fraction, *values)
 
-    def gains(self, config: ArmServo | None = None) -> Gains:
-        """Return the servo's gains, those of the robot without a configuration; raises ConfigError."""
-        robot = self.assembly.robot
-        if config is None:
-            return Gains(robot.stiffness, robot.damping)
-        return Gains(*(per_joint(self.joints, getattr(config, key), key, "servo") for key in Gains._fields))
+    def gains(self, dt: float, config: ArmServo | None = None) -> Gains:
+        """Return the servo's gains for a step dt [s], the robot's without a configuration; raises ConfigError."""
+        servo = config or self.assembly.robot.servo or ArmServo(damping_ratio=DAMPING_RATIO)
+        if servo.stiffness is not None and servo.damping is not None:
+            return Gains(per_joint(self.joints, servo.stiffness, "stiffness", "servo"),
+                         per_joint(self.joints, servo.damping, "damping", "servo"))
+        rate = np.full(len(self.joints), 2.0 * np.pi * (servo.bandwidth or min(BANDWIDTH, MOST_TURNS / dt)))
+        return Gains(rate**2, 2.0 * (servo.damping_ratio or DAMPING_RATIO) * rate, per_inertia=True)
 
     def full_configuration(self, q: np.ndarray) -> np.ndarray:
         """Return the configuration of the whole model with the arm at q."""
@@ -130,14 +143,21 @@ class Arm:
         J = pinocchio.computeFrameJacobian(self.model, self.data, whole, self.frame, pinocchio.LOCAL)
         return J[:, self.v_index]
 
+    def inertia(self, q: np.ndarray, dt: float = 0.0) -> np.ndarray:
+        """Return the joints' inertia matrix (n, n) with armature, and friction over a step as `inverse_dynamics`."""
+        whole = pinocchio.crba(self.model, self.data, self.full_configuration(q))  # its upper triangle alone
+        M = np.triu(whole[np.ix_(self.v_index, self.v_index)])
+        return M + np.triu(M, 1).T + dt * np.diag(self._damping)
+
     def rigid_torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Compute torques [N m] (n,) on the links' side of the joints, without armature and joint friction."""
         return self._rnea(q, qd, qdd) - self.model.armature[self.v_index] * qdd
 
-    def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Compute the motor torques [N m] (n,) of a motion, with armature, viscous and dry friction."""
-        # dry friction changes its sign over 0.01 rad/s, or the command would chatter at rest
-        return self._rnea(q, qd, qdd) + self._damping * qd + self._friction * np.tanh(qd / 0.01)
+    def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dt: float = 0.0) -> np.ndarray:
+        """Compute the motor torques [N m] (n,) of a motion, with armature, viscous and dry friction.
+
+        dt: step [s] at whose end viscous friction acts, as with MuJoCo's implicitfast."""
+        return self._rnea(q, qd, qdd) + self._damping * (qd + dt * qdd) + self._friction * np.tanh(qd / self._creep)
 
     def _rnea(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)
@@ -149,8 +169,8 @@ def _format(values: np.ndarray) -> str:
     return " ".join(repr(float(v)) for v in np.atleast_1d(values))
 
 
-def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
-    """Write arm, hand and tool without geometry, contact or actuators to a file."""
+def write_robot_mjcf(assembly: Assembly, path: Path) -> mujoco.MjModel:
+    """Write arm, hand and tool without geometry, contact or actuators to a file; return the compiled model of all."""
     spec = mujoco.MjSpec()
     assembly.attach_to(spec)
     model = compile_spec(spec)
@@ -179,3 +199,4 @@ def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
             ET.SubElement(elements[model.site_bodyid[i]], "site", name=assembly.robot.flange,
                           pos=_format(model.site_pos[i]), quat=_format(model.site_quat[i]))
     path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+    return model

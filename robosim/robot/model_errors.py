@@ -62,7 +62,7 @@ class ModelErrors(NamedTuple):
 
     def change_gains(self, gains: Gains) -> Gains:
         """Return a servo's gains as the joints have them."""
-        return Gains(self.stiffness * gains.stiffness, self.damping * gains.damping)
+        return gains._replace(stiffness=self.stiffness * gains.stiffness, damping=self.damping * gains.damping)
 
 
 def draw_model_errors(seed: int, joints: int) -> ModelErrors:

@@ -15,15 +15,13 @@ from scipy.spatial.transform import Rotation
 from mpm import Pose
 from robosim.base.errors import ConfigError, UnknownName, note
 from robosim.base.resources import part_path
-from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig
+from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig, ArmServo
 from robosim.config.table import load
 from robosim.robot.mjspec import locate_model, read_model
 from robosim.robot.urdf import read_speeds
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
 """Times [s] in which a joint is assumed to reach its largest speed, and its largest acceleration."""
-STIFFNESS, DAMPING = 30.0, 0.02
-"""Assumed stiffness per torque limit [1/rad], and damping per stiffness [s]: about those of the iiwa's controller."""
 DRIVES = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 CONFIGURED, ASSUMED = "configuration", "assumed"
@@ -54,8 +52,7 @@ class Robot:
     step_jerk: np.ndarray
     home: np.ndarray
     """Posture with which the search for postures begins."""
-    stiffness: np.ndarray
-    damping: np.ndarray
+    servo: ArmServo | None
     payload: float | None
     """[kg]"""
     gripper: str
@@ -100,13 +97,10 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
         raise ConfigError(f"{path}: home_deg: joint {names[k]} = {home[k]:.4g}; accepted: {limits['lower'][k]:.4g} to "
                           f"{limits['upper'][k]:.4g}")
     touching = exclude_contacts(spec, bodies, names, home)
-    servo = config.servo
-    sources["servo"] = ASSUMED if servo is None else CONFIGURED
-    stiffness = STIFFNESS * limits["torque"] if servo is None else per_joint(names, servo.stiffness, "stiffness", path)
-    damping = DAMPING * stiffness if servo is None else per_joint(names, servo.damping, "damping", path)
+    sources["servo"] = ASSUMED if config.servo is None else CONFIGURED
     return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=config.base.pose, flange=config.flange,
                  joints=names, home=home, gripper=config.gripper, standoff=config.standoff,
-                 stiffness=stiffness, damping=damping, payload=config.payload, sources=sources, touching=touching,
+                 servo=config.servo, payload=config.payload, sources=sources, touching=touching,
                  slides=tuple(joint.name for joint in joints if joint.type == SLIDE), **limits)
 
 

@@ -8,9 +8,10 @@ from bundled import plan_of
 from robosim.config.rehearsal import APPROACH, RETREAT, load_rehearsal
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import plan_motion
+from robosim.rehearsal.run import make_cell
 from robosim.scene.build import compile_rehearsal
 from robosim.scene.frames import body_pose
-from robosim.scene.grasp import HOLDER, Grasp, put_tool
+from robosim.scene.grasp import HOLDER, put_tool
 
 CONFIG = load_rehearsal("pick_bottle")
 
@@ -58,16 +59,9 @@ def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it() -> 
 
     When the fingers open again it stands by itself, and its slip is that of the grasp."""
     plan = plan_of("pick_bottle")
-    scene = compile_rehearsal(plan.config)
-    model, data = scene.model, mujoco.MjData(scene.model)
-    model.opt.timestep = 0.001
-    data.qpos[scene.arm_qpos] = q = plan.motion.state(plan.path.rests["standing"][0]).q
-    stand = plan.config.standing_pose
-    put_tool(scene, data, stand)
-    mujoco.mj_forward(model, data)
-    grasp, still = Grasp(scene, data), np.zeros(len(q))
-    stiffness, damping = plan.arm.gains()
-    slip = 0.0
+    target = plan.motion.state(plan.path.rests["standing"][0])
+    cell, stand, slip = make_cell(plan.config, plan.arm, target.q), plan.config.standing_pose, 0.0
+    scene, model, data, grasp = cell.scene, cell.model, cell.data, cell.grasp
     while data.time < 2.2:
         if data.time > 0.2:
             grasp.close(min((data.time - 0.2) / 0.3, 1.0))
@@ -80,8 +74,7 @@ def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it() -> 
             slip = grasp.slip
         elif data.time > 0.15:
             assert np.linalg.norm(data.xpos[scene.tool] - stand.position) < 5e-4
-        torque = stiffness * (q - data.qpos[scene.arm_qpos]) - damping * data.qvel[scene.arm_dofs]
-        data.ctrl[scene.arm_actuators] = torque + plan.arm.inverse_dynamics(q, still, still)
+        cell.command(target)
         mujoco.mj_step(model, data)
         mujoco.mj_kinematics(model, data)
         grasp.measure_slip()

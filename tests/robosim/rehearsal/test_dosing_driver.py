@@ -163,6 +163,7 @@ def test_a_tilt_out_of_reach_is_refused_before_the_run(plan: Plan) -> None:
      "vibration.frequency = 126 Hz with host_dt = 0.001 s; accepted: up to 125 Hz, 8 steps in a period"),
     ("dose.controllers=DoseScoop", "numbers of DoseScoop for the tool 'scoop'; the tool is 'spoon'"),
     ("dose.control_dt=0.0015", "dose.control_dt = 0.0015 s is 1.5000 steps of host_dt"),
+    ("servo={bandwidth: 500}", "host_dt = 0.001 s: the servo of joint .* [(]bandwidth 500 Hz, .* needs steps below"),
     # of the place
     ("waypoints.2.rotation_deg=[0, 5, 90]", "the tool leans by 5.0 deg at waypoint 'over'"),
     ("waypoints.2.position=[0.72, 0.1, 0.165]", "mm aside of the middle of the cup 'cup'"),

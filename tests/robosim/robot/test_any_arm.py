@@ -1,7 +1,8 @@
-"""Kinematics, dynamics and planning of arms of any number of joints, bundled, written and from elsewhere."""
+"""Kinematics, dynamics, servo and planning of arms of any number of joints, bundled, written and from elsewhere."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,8 +12,9 @@ from written_arms import write_arm, write_urdf
 
 from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
-from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.base.resources import part_names
+from robosim.cell.cell import Cell
 from robosim.config.arm import ArmConfig
 from robosim.planning.clearance import RobotClearance
 from robosim.robot.assembly import HAND_PREFIX, WRIST_SITE, Assembly, add_sensors
@@ -21,6 +23,7 @@ from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
 from robosim.robot.robot import load_robot_model
+from robosim.robot.timing import JointState
 from robosim.scene.build import build_scene_spec
 from robosim.scene.compiled import compile_scene
 from robosim.scene.models import assemble
@@ -30,13 +33,14 @@ STAND = Pose(np.array([0.1, -0.2, 0.3]),
              Rotation.from_euler("xyz", [10.0, 20.0, 30.0], degrees=True).as_quat(scalar_first=True))
 
 
-def make(kind: str, path: Path) -> Assembly:
+def make(kind: str, path: Path, **keys: Any) -> Assembly:
     """Return a bundled arm that stands askew, or one with so many joints, with a spoon in its hand."""
     if not kind.isdigit():
         bundled = assemble("spoon", kind)
         return replace(bundled, robot=replace(bundled.robot, stand=STAND))
     file = write_arm(path / "arm.xml", int(kind), slide=1 if kind == "8" else None)
-    config = ArmConfig.model_validate({"model": str(file), "flange": "tip", "limits": {"velocity": [2.0] * int(kind)}})
+    config = ArmConfig.model_validate({"model": str(file), "flange": "tip", "limits": {"velocity": [2.0] * int(kind)},
+                                       **keys})
     return replace(assemble("spoon", gripper="none"), robot=replace(load_robot_model(config, path), stand=STAND))
 
 
@@ -74,6 +78,61 @@ def test_reachable_poses_are_solved_and_mujoco_confirms_them(kind: str, tmp_path
     R = data.body("spoon").xmat.reshape(3, 3)
     expected = np.concatenate([R.T @ part[:, dofs] for part in jacobian])
     assert arm.jacobian(solution.q) == pytest.approx(expected, abs=1e-6)
+
+
+def make_cell(path: Path, dt: float, damping: float = 0.0, servo: dict[str, Any] | None = None) -> Cell:
+    """Return an arm of light links without armature, whose joints have so much passive damping."""
+    assembly = make("6", path, servo=servo)
+    for joint in assembly.robot.joints:
+        assembly.robot.spec.joint(joint).damping = [damping, 0.0, 0.0]
+    scene, arm = compile_scene(build_scene_spec(assembly, "weld", {}, dt, contact=False), assembly), Arm(assembly)
+    return Cell(scene, arm, arm.home, ())
+
+
+def move(cell: Cell, dt: float, steps: int, swing: float, speed: float) -> tuple[float, float]:
+    """Swing all joints by an angle [rad] in a second, from a speed [rad/s]; return largest error [m], last speed."""
+    errors, speeds, w, ones = [], [], 2.0 * np.pi, 0.5 * swing * np.ones(6)
+    cell.data.qpos[cell.scene.arm_qpos], cell.data.qvel[cell.scene.arm_dofs] = cell.arm.home, speed
+    for t in dt * np.arange(steps):
+        target = JointState(cell.arm.home + ones * (1.0 - np.cos(w * t)), w * ones * np.sin(w * t),
+                            w * w * ones * np.cos(w * t))
+        errors.append(np.linalg.norm(cell.arm.tool_pose(cell.q).position - cell.arm.tool_pose(target.q).position))
+        cell.command(target)
+        mujoco.mj_step(cell.model, cell.data)
+        speeds.append(cell.qd.copy())
+        if len(speeds) % 20 == 0:
+            cell.servo.check_motion(cell.data.time, np.array(speeds[-20:]))
+    return max(errors), np.abs(speeds[-1]).max()
+
+
+@pytest.mark.parametrize(("dt", "damping", "most"), [(1e-4, 0.0, 2e-5), (1e-3, 0.0, 2e-4), (1e-3, 5.0, 2e-4),
+                                                     (5e-3, 0.0, 4e-3)])
+def test_the_default_servo_follows_and_allows_a_fifth_of_the_inertia(dt: float, damping: float, most: float,
+                                                                     tmp_path: Path) -> None:
+    """In every posture."""
+    cell = make_cell(tmp_path, dt, damping)
+    assert move(cell, dt, round(1.0 / dt), 0.5, 0.0)[0] < most and cell.servo.saturations == 0
+    cell.model.body_mass *= 0.2
+    cell.model.body_inertia *= 0.2
+    cell.check_path(np.random.default_rng(0).uniform(cell.arm.lower, cell.arm.upper, (50, 6)))
+
+
+@pytest.mark.parametrize("servo", [{"bandwidth": 30.0, "damping_ratio": 0.7},
+                                   {"stiffness": [1e-2] * 6, "damping": [0.05, 0.5, 0.05, 0.5, 0.05, 0.2]}])
+def test_a_servo_is_stable_up_to_the_checked_bound_and_no_further(servo: dict[str, Any], tmp_path: Path) -> None:
+    """MuJoCo decides about the largest factor on the gains by 2 dt d + dt^2 k = 4; the unstable joint is named."""
+    cell, dt = make_cell(tmp_path, 1e-3, servo=servo), 1e-3
+    inertia = np.eye(6) if cell.servo.gains.per_inertia else cell.arm.inertia(cell.arm.home)
+    k, d = (np.linalg.eigvals(np.linalg.solve(inertia, np.diag(gain))).max() for gain in cell.servo.gains[:2])
+    most = 4.0 / (2.0 * dt * d + dt * dt * k)
+    cell.servo.scale(0.97 * most, 0.97 * most)
+    cell.check_path([cell.arm.home])
+    assert move(cell, dt, 500, 0.0, 1e-4)[1] < 2e-5
+    cell.servo.scale(1.03 * most, 1.03 * most)
+    with pytest.raises(RobotDiverged, match=r"the servo of joint j. \(.*\) is unstable in steps of host_dt = 0.001 s"):
+        move(cell, dt, 500, 0.0, 1e-4)
+    with pytest.raises(ConfigError, match=r"host_dt = 0.001 s: the servo of joint j. \(.* needs steps below 0.0009"):
+        cell.check_path([cell.arm.home])
 
 
 @pytest.mark.parametrize("robot", part_names("robots"))

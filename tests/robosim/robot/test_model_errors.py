@@ -1,15 +1,14 @@
 """Errors of the model change the simulated robot, and only where they should."""
 
-import mujoco
 import numpy as np
 
 from mpm.geometry.rigid_motion import relative_rotation
 from robosim.config.rehearsal import load_rehearsal
-from robosim.robot.model import Gains
+from robosim.rehearsal.run import make_cell
+from robosim.robot.model import Arm
 from robosim.robot.model_errors import FRICTION, GAINS, LATENCY, PAYLOAD, SHIFT, TURN_DEG, ModelErrors
 from robosim.robot.model_errors import draw_model_errors as draw
-from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec
-from robosim.scene.compiled import compile_scene
+from robosim.scene.build import assemble_rehearsal
 
 NONE = ModelErrors(1.0, np.ones(7), 0.0, np.zeros(3), np.zeros(3), 1.0, 1.0)
 
@@ -30,30 +29,22 @@ def test_errors_are_drawn_within_their_ranges_and_by_their_seed() -> None:
 
 def test_no_errors_change_nothing_and_a_payload_changes_hand_and_tool_alone() -> None:
     config = load_rehearsal("spoon")
-    assembly = assemble_rehearsal(config)
-    exact = compile_scene(build_rehearsal_spec(config, assembly), assembly)
+    arm = Arm(assemble_rehearsal(config))
+    exact = make_cell(config, arm, arm.home)
     for errors in (NONE, NONE._replace(payload=1.2, friction=np.linspace(0.5, 1.5, 7), stiffness=0.9, damping=1.1,
                                        tool_shift=np.array([1e-3, 0.0, 0.0]),
                                        tool_turn_deg=np.array([0.0, 0.3, 0.4]))):
-        spec = build_rehearsal_spec(config, assembly)
-        errors.place_tool(spec, config.tool)
-        scene = compile_scene(spec, assembly)
-        palm = scene.wrist
-        errors.change_model(scene.model, palm, scene.arm_dofs)
-        assert np.isclose(scene.model.body_subtreemass[palm], exact.model.body_subtreemass[palm] * errors.payload)
-        np.testing.assert_array_equal(scene.model.body_mass[:palm], exact.model.body_mass[:palm])
-        np.testing.assert_allclose(scene.model.dof_damping[scene.arm_dofs],
-                                   errors.friction * exact.model.dof_damping[exact.arm_dofs])
-        data, reference = mujoco.MjData(scene.model), mujoco.MjData(exact.model)
-        mujoco.mj_forward(scene.model, data)
-        mujoco.mj_forward(exact.model, reference)
-        moved = data.xpos[scene.tool] - reference.xpos[exact.tool]
+        cell = make_cell(config, arm, arm.home, errors)
+        palm, tool, dofs = cell.scene.wrist, cell.scene.tool, cell.scene.arm_dofs
+        assert np.isclose(cell.model.body_subtreemass[palm], exact.model.body_subtreemass[palm] * errors.payload)
+        np.testing.assert_array_equal(cell.model.body_mass[:palm], exact.model.body_mass[:palm])
+        for key in ("dof_damping", "dof_frictionloss"):
+            expected = errors.friction * getattr(exact.model, key)[dofs]
+            np.testing.assert_allclose(getattr(cell.model, key)[dofs], expected)
+        moved = cell.data.xpos[tool] - exact.data.xpos[tool]
         assert np.isclose(np.linalg.norm(moved), np.linalg.norm(errors.tool_shift), atol=1e-9)
-        turned = relative_rotation(reference.xquat[exact.tool], data.xquat[scene.tool])
+        turned = relative_rotation(exact.data.xquat[tool], cell.data.xquat[tool])
         assert np.isclose(np.degrees(np.linalg.norm(turned)), np.linalg.norm(errors.tool_turn_deg), atol=1e-6)
-        np.testing.assert_allclose(scene.model.dof_frictionloss[scene.arm_dofs],
-                                   errors.friction * exact.model.dof_frictionloss[exact.arm_dofs])
-        robot = exact.assembly.robot
-        gains = errors.change_gains(Gains(robot.stiffness, robot.damping))
-        np.testing.assert_allclose(gains.stiffness, errors.stiffness * robot.stiffness)
-        np.testing.assert_allclose(gains.damping, errors.damping * robot.damping)
+        for key in ("stiffness", "damping"):
+            expected = getattr(errors, key) * getattr(exact.servo.gains, key)
+            np.testing.assert_allclose(getattr(cell.servo.gains, key), expected)

@@ -57,7 +57,7 @@ def test_what_the_configuration_says_holds_before_what_the_model_says(tmp_path: 
     assert robot.home[2] == pytest.approx(0.1) and robot.lower[2] == pytest.approx(-0.05)  # millimetres
     assert robot.upper[2] == pytest.approx(0.3) and robot.torque.tolist() == [7] * 6
     assert [key for key, source in robot.sources.items() if source != "configuration"] == ["upper_deg"]
-    assert robot.stiffness.tolist() == [100] * 6
+    assert robot.servo.stiffness == (100.0,) * 6
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:

@@ -6,8 +6,10 @@ import pytest
 from bundled import rehearsal
 
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.rehearsal.run import make_cell
 from robosim.robot.joint_control import TorqueSensors
 from robosim.robot.model import Arm
+from robosim.robot.timing import JointState
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 from robosim.scene.compiled import Scene
 from robosim.scene.frames import body_pose
@@ -21,26 +23,20 @@ def hold(config: RehearsalConfig, load: np.ndarray, duration: float, swing: floa
     """Close the fingers on the tool with the arm at rest, release it and apply a force [N] (3,) at its centre of mass.
 
     swing: amplitude [rad] of a joint motion from 0.7 s on, with a period of 2 s. Returns scene, state, grasp, and the
-    joint speeds (7,) before the last step."""
-    scene = compile_rehearsal(config)
-    data = mujoco.MjData(scene.model)
-    data.qpos[scene.arm_qpos] = POSTURE
-    mujoco.mj_forward(scene.model, data)
-    grasp = Grasp(scene, data)
-    arm, before = Arm(assemble_rehearsal(config)), np.zeros(7)
-    stiffness, damping = arm.gains(config.servo)
+    joint speeds (7,) before the last step.
+    """
+    cell, before = make_cell(config, Arm(assemble_rehearsal(config)), POSTURE), np.zeros(7)
+    scene, data, grasp = cell.scene, cell.data, cell.grasp
     while data.time < duration:
-        q, qd = data.qpos[scene.arm_qpos], data.qvel[scene.arm_dofs]
         phase = np.pi * max(data.time - 0.7, 0.0)
         angles, speeds = POSTURE + 0.5 * swing * (1.0 - np.cos(phase)), 0.5 * np.pi * swing * np.sin(phase)
-        torque = stiffness * (angles - q) + damping * (speeds - qd)
-        data.ctrl[scene.arm_actuators] = torque + arm.inverse_dynamics(q, 0 * q, 0 * q)
+        cell.command(JointState(angles, speeds, 0.0 * speeds))
         if data.time < 0.5:
             grasp.close(min(data.time / 0.3, 1.0))
         else:
             grasp.release()
             data.xfrc_applied[scene.tool, :3] = load
-        before = qd.copy()
+        before = cell.qd.copy()
         mujoco.mj_step(scene.model, data)
         mujoco.mj_kinematics(scene.model, data)
         grasp.measure_slip()
