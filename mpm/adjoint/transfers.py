@@ -10,7 +10,7 @@ from mpm.materials.tensor_adjoint import bar_of_matrix
 from mpm.state.nodes import stencil
 from mpm.state.packs import LANES
 from mpm.state.particle_motion import drift_after
-from mpm.state.stencil import (AffineProducts, NodeValues, gather, moments, scatter, slopes, weights)
+from mpm.state.stencil import AffineProducts, NodeValues, gather, moments, scatter, slopes, weights
 
 STRAINS = 15
 """Number of the first field of a state that a law remembers: those of x, v and C stand before it."""

@@ -20,7 +20,7 @@ from robosim.config.settings import Setting
 from robosim.config.table import Vector3, load, read, validate
 from robosim.config.tool import ToolConfig
 from robosim.rewards.section import DOSE, RewardTerms
-from robosim.tasks.sections import (ActionConfig, DosingConfig, GrainsConfig, ScriptConfig, StartConfig, SuccessConfig)
+from robosim.tasks.sections import ActionConfig, DosingConfig, GrainsConfig, ScriptConfig, StartConfig, SuccessConfig
 
 RandomRange = tuple[RangeEnd, RangeEnd]
 RandomChoice = Annotated[tuple[FilePath, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
