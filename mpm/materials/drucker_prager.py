@@ -22,7 +22,10 @@ class DruckerPrager(Hencky):
     friction_angle_deg: float
     """Internal friction angle [deg], in [0, 90)."""
     cohesion: float = 0.0
-    """Shear strength [Pa] at zero pressure; tension is carried up to cohesion / tan(friction angle)."""
+    """Cohesion c [Pa] of Mohr and Coulomb. The strength in simple shear, where the normal stresses are zero, is
+    c cos(phi) with the cone "plane_strain", 2 sqrt(3) cos(phi) / (3 - sin(phi)) c with "compression"."""
+    tensile_strength: float = 0.0
+    """Largest mean tension [Pa] that is carried, from 0 to cohesion / tan(friction angle), where the cone ends."""
     cone: str = "compression"
     """Match with Mohr-Coulomb: "compression", in triaxial compression (Klar et al. 2016), or "plane_strain"."""
 
@@ -38,6 +41,14 @@ class DruckerPrager(Hencky):
             raise UnknownName("cone", self.cone, CONES)
         if self.cohesion > 0 and self.friction_angle_deg == 0:
             raise InvalidValue(f"{name}: cohesion needs a friction angle above 0; use VonMises for phi = 0")
+        if not 0.0 <= self.tensile_strength <= self.apex_tension:
+            raise InvalidValue(f"{name}: tensile_strength [Pa] = {self.tensile_strength:g}; accepted: 0 to "
+                               f"{self.apex_tension:g}, which is cohesion / tan(friction_angle_deg)")
+
+    @property
+    def apex_tension(self) -> float:
+        """Mean tension [Pa] at the apex of the cone."""
+        return self.cohesion / math.tan(math.radians(self.friction_angle_deg)) if self.cohesion > 0 else 0.0
 
     @property
     def alpha(self) -> float:
@@ -46,18 +57,15 @@ class DruckerPrager(Hencky):
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """(mu, lam, strain slope of the cone, volumetric strain of its apex)."""
-        slope = (3.0 * self.lam + 2.0 * self.mu) / (2.0 * self.mu) * self.alpha
-        apex = 0.0
-        if self.cohesion > 0:
-            tension = self.cohesion / math.tan(math.radians(self.friction_angle_deg))
-            apex = 3.0 * tension / (3.0 * self.lam + 2.0 * self.mu)
-        return (self.mu, self.lam, slope, apex)
+        """(mu, lam, strain slope of the cone, volumetric strains of its apex and of the largest tension)."""
+        modulus = 3.0 * self.lam + 2.0 * self.mu
+        slope = modulus / (2.0 * self.mu) * self.alpha
+        return (self.mu, self.lam, slope, 3.0 * self.apex_tension / modulus, 3.0 * self.tensile_strength / modulus)
 
     @staticmethod
     @ti.func
     def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template(), dt):
-        """Return (h, vc): scale the deviator onto the cone at constant volume, or drop it at the apex."""
+        """Return (h, vc): scale the deviator onto the cone at constant volume, cut tension off."""
         return map_onto_cone(h, vc, p, dt, False)
 
     @staticmethod

@@ -16,8 +16,9 @@ TINY = 1e-30
 """Guards 0/0 where a deviator vanishes; below the square of any strain that single precision can hold."""
 MAX_VOLUME_CORRECTION = 0.5
 """Largest logarithmic expansion that a particle remembers, to recover it when it is compressed again."""
-SLOPE, APEX, RATIO, KAPPA = 2, 3, 4, 5
-"""Places of the cone's numbers among a law's: strain slope, volumetric strain of the apex, R and kappa [1/s]."""
+SLOPE, APEX, CUT, RATIO, KAPPA = 2, 3, 4, 5, 6
+"""Places of the cone's numbers among a law's: strain slope, volumetric strains of the apex and of the largest tension,
+R and kappa [1/s]."""
 
 
 @ti.func
@@ -34,7 +35,8 @@ def yielding_share(norm, allowed, soft: ti.template()):
 
 @ti.func
 def map_onto_cone(h: ti.template(), vc: ti.template(), p: ti.template(), dt, has_rate: ti.template()):
-    """Return (h, vc): scale the deviator onto the cone at constant volume, or drop it at the apex."""
+    """Return (h, vc): scale the deviator onto the cone at constant volume, cut tension off. What has parted still has
+    the shear strength of its volume, which ends at the apex."""
     trace = h[0] + h[1] + h[2] + vc
     mean = (h[0] + h[1] + h[2]) / 3.0
     d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean)]
@@ -47,7 +49,7 @@ def map_onto_cone(h: ti.template(), vc: ti.template(), p: ti.template(), dt, has
         scale = ti.select(allowed < norm, 1.0 - plastic_strain(norm, allowed, gain, c)[0] / norm, 0.0 * norm + 1.0)
     else:
         scale = ti.min(allowed / norm, 1.0)
-    kept = ti.min(trace, p[APEX])
+    kept = ti.min(trace, p[CUT])
     third = kept / 3.0
     expansion = ti.min(trace - kept, MAX_VOLUME_CORRECTION)
     return [once(third + scale * d[0]), once(third + scale * d[1]), once(third + scale * d[2]),
@@ -82,7 +84,7 @@ def map_onto_cone_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt
     norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
     zero = 0.0 * trace
     allowed = ti.max(p[SLOPE] * (p[APEX] - trace), 0.0)
-    yields, whole = allowed < norm, trace < p[APEX]
+    yields, whole = allowed < norm, trace < p[CUT]
     share = yielding_share(norm, allowed, soft)
     along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
     left_bar = share * along / norm  # of the norm that stays
@@ -107,13 +109,13 @@ def map_onto_cone_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt
         scale = ti.select(yields, allowed / norm, zero + 1.0)
     held = ti.select(p[SLOPE] * (p[APEX] - trace) > 0.0, allowed_bar, zero)
     kept_bar = (bar[0] + bar[1] + bar[2]) / 3.0
-    free = ti.select(trace - ti.min(trace, p[APEX]) < MAX_VOLUME_CORRECTION, vc_bar, zero)
+    free = ti.select(trace - ti.min(trace, p[CUT]) < MAX_VOLUME_CORRECTION, vc_bar, zero)
     # the expansion is trace - kept: nothing of it where all is kept
     trace_bar = ti.select(whole, kept_bar, free) - p[SLOPE] * held - press_bar
     turn = (left_bar * scale - norm_bar) / norm
     shape = [once(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
     average = (shape[0] + shape[1] + shape[2]) / 3.0
     state = [once(shape[i] + (trace_bar - average if ti.static(i < 3) else 0.0)) for i in range(6)]
-    apex_bar = ti.select(whole, zero, kept_bar - free) + p[SLOPE] * held
-    p_bar = [zero, zero, (p[APEX] - trace) * held + slope_bar, apex_bar, ratio_bar, kappa_bar]
+    cut_bar = ti.select(whole, zero, kept_bar - free)
+    p_bar = [zero, zero, (p[APEX] - trace) * held + slope_bar, p[SLOPE] * held, cut_bar, ratio_bar, kappa_bar]
     return state, trace_bar, ti.static(p_bar if has_rate else p_bar[:RATIO])

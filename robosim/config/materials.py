@@ -69,12 +69,19 @@ class GranularConfig(MaterialConfig):
     """Internal friction angle [deg]."""
     cohesion: Annotated[Quantity, Within(0.0, 1e9, "Pa")]  # concrete has 1e7 Pa
     """Cohesion [Pa]."""
+    tensile_strength: Annotated[Quantity, Within(0.0, 1e9, "Pa")] | None = None  # as the cohesion
+    """Largest mean tension [Pa] that is carried, at most cohesion / tan(friction_angle); null: none."""
     grain_diameter: Annotated[Quantity, Within(1e-7, 0.1, "m")] | None = None  # the finest powder to coarse gravel
     """Diameter of a grain [m], by which small holes let grains pass; null: tools with such holes refuse it."""
     wall_friction: Annotated[Quantity, Within(0.0, 10.0, "1")] | None = None  # dry pairs have up to 1.5 (rubber)
     """Friction coefficient on a wall, which the source names; for information: scenes say that of each wall."""
     repose_angle: Annotated[Quantity, Within(0.0, 90.0, "deg")] | None = None
     """Slope of a poured heap [deg]; for information: in a simulation it follows from the other numbers."""
+
+    def law_numbers(self) -> dict[str, Any]:
+        """Return the arguments of the law."""
+        given = {} if self.tensile_strength is None else {"tensile_strength": self.tensile_strength.value}
+        return super().law_numbers() | given
 
 
 class MuIConfig(GranularConfig):
