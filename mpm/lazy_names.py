@@ -10,7 +10,6 @@ from typing import Any
 
 def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], Any], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package.
-
     The names are those that the package's `__init__`, `file`, imports under `if TYPE_CHECKING:`, so that each stands in
     one place, which type checkers read too. A name is imported at its first use and remembered."""
     tree = ast.parse(Path(file).read_text(encoding="utf-8"))

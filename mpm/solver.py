@@ -167,7 +167,6 @@ class Solver:
     # colliders -------------------------------------------------------------------------------------------------------
     def set_collider_motion(self, index: int, begin: Pose, *ends: Pose, jump: bool = False) -> None:
         """Move a collider in the next advance by a screw motion from begin to end, or to ends at equal intervals.
-
         jump: whether it may begin elsewhere than at `collider_pose`; otherwise that is reported (ColliderJumped)."""
         self.paths.set(index, begin, ends, jump)
 
@@ -196,7 +195,6 @@ class Solver:
 
     def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
         """Return the impulse [N s], [N m s] that a collider received in the last advance.
-
         about: point [m] (3,), or None: the centre of a mobile collider as it moved, the origin of another at the end of
         the advance."""
         here = self.paths.pose(index).position
@@ -207,7 +205,6 @@ class Solver:
     @property
     def contact_residual(self) -> float:
         """Largest residual of the contact solves of mobile colliders in the last advance; 0 without such colliders.
-
         Relative to the change of the collider's twist by contact. Above 0.01 `advance` warns."""
         return self.mobility.residual
 
@@ -240,13 +237,11 @@ class Solver:
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Load a state of this solver, or of one made from the same scene.
-
         Raises InvalidValue, and changes nothing, for a state of another scene."""
         self.core.load(state)
 
     def close(self) -> None:
         """Give the fields back for the next solver of an equal scene; this one is of no more use.
-
         Also called at the end of a `with` block, and when the last reference is gone."""
         self.core.tenure.close()
 
@@ -285,20 +280,17 @@ class Solver:
     @property
     def ledger(self) -> np.ndarray:
         """Impulses on the particles in the last advance: gravity, walls, colliders; (linear, angular), (rows, 6).
-
         Angular ones are about the world's origin."""
         return self.readings.ledger
 
     def wall_impulse(self, side: str, about: np.ndarray | None = None) -> Wrench:
         """Return the impulse [N s], [N m s] that a wall received in the last advance.
-
         side: "x-", "x+", "y-", "y+", "z-" or "z+". about: point [m] (3,), or None: the world's origin. Raises
         UnknownName for another side."""
         return self.readings.wall_impulse(side, about)
 
     def clearance(self, index: int, pose: Pose | None = None) -> float:
         """Return a lower bound [m] of the distance of the nearest particle from a collider, at a pose or where it is.
-
         See `Readings.clearance`."""
         return self.readings.clearance(index, self.paths.pose(index) if pose is None else check_pose("clearance", pose))
 

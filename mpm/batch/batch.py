@@ -191,7 +191,6 @@ class Batch:
 
     def load(self, e: int, state: dict[str, np.ndarray]) -> Counts | None:
         """Load a state (`Solver.state`) into an environment; return the counts of the counter there.
-
         Particles out of bounds in the state do not count as newly exited."""
         particles = self._core.fields.particles
         arrays = [particles.read_snapshot(state, name) for name in particles.named_fields()]
@@ -218,7 +217,6 @@ class Batch:
 
     def advance(self, durations: np.ndarray, readings: np.ndarray) -> list[list[Counts] | SimulationDiverged]:
         """Advance every environment by its duration [s] (n,); zero: not at all.
-
         Returns for each environment the counts after each of its `readings` (n,) equal intervals, or the error with
         which it ended. `load` makes such an environment usable again."""
         check_owner()

@@ -25,7 +25,6 @@ class Sdf:
     def from_mesh(mesh: trimesh.Trimesh | list[trimesh.Trimesh], spacing: float = 1e-3,
                   margin: float = 4e-3) -> Lattice:
         """Return the lattice of the union of closed meshes, with `spacing` [m], and `margin` [m] around them.
-
         Raises InvalidValue for an open mesh, and for a spacing that needs too many lattice points."""
         check_sizes("Sdf.from_mesh", "spacing", spacing)
         check_sizes("Sdf.from_mesh", "margin", margin)

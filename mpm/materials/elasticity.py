@@ -151,7 +151,6 @@ ELASTIC_MODELS = {"hencky": Hencky, "neo_hookean": NeoHookean, "fixed_corotated"
 
 def Elastic(*, E: float, nu: float, density: float, model: str = "hencky") -> Hencky:
     """Make an elastic material by the name of its law.
-
     E: Young's modulus [Pa]. nu: Poisson's ratio. density: [kg/m^3]. model: "hencky", "neo_hookean" or
     "fixed_corotated". Raises UnknownName, and InvalidValue for a number out of range."""
     if model not in ELASTIC_MODELS:

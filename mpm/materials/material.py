@@ -56,7 +56,6 @@ class Material(Protocol):
     @property
     def state(self) -> str:
         """What a particle remembers and `stress` is given.
-
         "hencky": h = log(b) / 2, kept as e = b - I; "cauchy_green": e = b - I, with b the elastic left Cauchy-Green
         tensor; "volume": j = J - 1, with J the volume ratio."""
         ...

@@ -78,7 +78,6 @@ class Readings:
     @property
     def sleepers_impulse(self) -> Wrench:
         """Impulse [N s], [N m s] on the particles awake that sleeping ones gave in the last advance, less their own.
-
         About the world's origin; it closes the ledger. Zero without sleeping."""
         return Wrench(*self.progress.sums[self.fields.rows.asleep].reshape(2, 3))
 
@@ -101,7 +100,6 @@ class Readings:
 
     def stresses(self) -> np.ndarray:
         """Return Cauchy stresses [Pa], shape (n_particles, 3, 3), symmetric, tension positive.
-
         They are those that the laws give for the present strain; in a fluid, viscous stress included."""
         fields = self.fields
         reader = self.tenure.assembly.share("stresses", lambda: StressReader(fields))
@@ -110,7 +108,6 @@ class Readings:
 
     def clearance(self, index: int, pose: Pose) -> float:
         """Return a lower bound [m] of the distance of the nearest particle from a collider at a pose.
-
         It is exact to a spacing of its lattice for a solid from a mesh, and exact for most other solids; a shell counts
         as the box that holds it. Negative where a particle is inside."""
         fields = self.fields
@@ -126,13 +123,11 @@ class Readings:
     @property
     def ledger(self) -> np.ndarray:
         """Impulses on the particles in the last advance: gravity, walls, colliders; (linear, angular), (rows, 6).
-
         Angular ones are about the world's origin."""
         return self.progress.sums[: self.fields.rows.momentum]
 
     def passed_mass(self, index: int) -> np.ndarray:
         """Return the mass [kg] that each orifice of a collider has let through, (n_holes,), in their order.
-
         Counted from the start, or as a loaded state has it. Raises InvalidValue for a collider without orifices."""
         rows = {collider: (first, last) for _, collider, first, last in self.fields.features.orifice_rows}
         if index not in rows or self.fields.orifices is None:
@@ -142,7 +137,6 @@ class Readings:
 
     def wall_impulse(self, side: str, about: np.ndarray | None = None) -> Wrench:
         """Return the impulse [N s], [N m s] that a wall received in the last advance.
-
         side: "x-", "x+", "y-", "y+", "z-" or "z+". about: point [m] (3,), or None: the world's origin. Raises
         UnknownName for another side."""
         if side not in SIDES:
@@ -178,7 +172,6 @@ class Readings:
 
     def strains(self, C: np.ndarray) -> np.ndarray:
         """Return e = b - I of all particles, entries xx, yy, zz, xy, xz, yz (6, n), for C (n, 9).
-
         With the strain of the last velocities C, where it is not yet in e, the strain is that of the positions."""
         e = np.ascontiguousarray(self.particles.read(self.particles.e).T, float)
         a = np.ascontiguousarray((self.strain_lag * C).T)

@@ -118,7 +118,6 @@ class RegionCounter:
 
     def place(self, frame: Pose) -> None:
         """Move point, region, bounds and points with a frame, from where they were given to a pose of it.
-
         Distances are measured along the axes of the world. Raises InvalidValue for what is no pose."""
         self._set_state_aside()
         self.frame = check_pose("RegionCounter.place", frame)
@@ -162,7 +161,6 @@ class RegionCounter:
 
     def all_counts(self, rows: np.ndarray, per_particle: np.ndarray, readings: Iterable[int]) -> list[Counts]:
         """Return the counts of some readings of an advance, by their numbers.
-
         rows (readings COUNTER_ROWS, 6), per_particle (readings, ...): what the kernel wrote for all of them."""
         return [self.counts_from(rows[COUNTER_ROWS * k : COUNTER_ROWS * (k + 1)], per_particle[k]) for k in readings]
 

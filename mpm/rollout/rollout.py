@@ -86,7 +86,6 @@ class Rollout:
     # the public pair -------------------------------------------------------------------------------------------------
     def value(self, linear: np.ndarray | None, angular: np.ndarray | None, loss: Loss) -> float:
         """Return the loss of the rollout for a motion of the tool.
-
         linear [m/s], angular [rad/s]: twist of the tool in each step, in world axes, (n_steps, 3); None without a tool.
         Afterwards the solver is at the end of the rollout, after an error at its start. Raises SimulationDiverged."""
         self._set_twists(linear, angular)
@@ -103,7 +102,6 @@ class Rollout:
     def value_and_grad(self, linear: np.ndarray | None, angular: np.ndarray | None,
                        loss: Loss) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
         """Return the loss and its derivatives with respect to linear and angular, (n_steps, 3) each.
-
         `last` has the other derivatives. Afterwards the solver is as after `value`. Raises SimulationDiverged, and
         GradientDiverged if a derivative is not finite."""
         self._set_twists(linear, angular)

@@ -51,7 +51,6 @@ class Grid:
 
     def check_inside(self, positions: np.ndarray, what: str = "", tolerance: float = 0.0) -> None:
         """Raise InvalidValue when a position [m] (n, 3) lies outside the walls, by more than `tolerance` cells.
-
         what: where the positions were given, for the message."""
         lower, slack = np.asarray(self.lower), tolerance * self.cell
         upper = lower + self.cells * self.cell

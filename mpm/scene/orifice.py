@@ -88,6 +88,5 @@ class Orifice:
 
     def rate(self, density: float, gravity: float = 9.81) -> float:
         """Return the mass [kg/s] that one hole passes while it is covered and not jammed.
-
         density: bulk density [kg/m^3]. gravity: component along the hole's axis [m/s^2]."""
         return self.C * density * math.sqrt(max(gravity, 0.0)) * self.opening**2.5

@@ -32,7 +32,6 @@ def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.
 def sample_box(lower: ArrayLike, upper: ArrayLike, spacing: float,
                rng: np.random.Generator | None = None) -> np.ndarray:
     """Return positions [m] (n, 3) on a lattice in the box from lower to upper [m].
-
     spacing: distance [m] between them, adjusted so that the box is filled. rng: displaces them at random; None: regular
     lattice. Raises InvalidValue for a spacing larger than the box."""
     return _lattice(lower, upper, spacing, rng)

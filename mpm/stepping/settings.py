@@ -65,7 +65,6 @@ class Settings:
 
     def set_volume(self, index: int, volume: float) -> None:
         """Set the initial volume [m^3] of every particle of a body; particles stay where they are.
-
         Raises InvalidValue."""
         changed = with_volume(self._scene.bodies[index], volume)
         self._readings.particles.volumes.set(index, volume, half_edge(volume))

@@ -64,7 +64,6 @@ class ActionRepeat:
 
     def pull_back(self, linear_bar: np.ndarray, angular_bar: np.ndarray) -> np.ndarray:
         """Return the adjoint of the actions from those of the twists (steps, 3), at the actions last converted.
-
         A coordinate that the box clipped has no influence through its own step."""
         commanded_bar = np.zeros((self.steps, self.dimensions))
         position_bar = np.zeros(3)  # of the origin after the step, through the steps that follow

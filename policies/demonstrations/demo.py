@@ -77,7 +77,6 @@ def count_fixed(until: float | None, task: Any, action_repeat: int, decisions: i
 
 def film_demonstration(request: DemonstrationRequest, k: int) -> None:
     """Make demonstration_k.mp4, the motion among the task's own grains, unless it is newer than the demonstration.
-
     Prints a line to stderr where that fails: a film is no part of the result."""
     film = request.path(k).with_suffix(".mp4")
     if film.is_file() and film.stat().st_mtime >= request.path(k).stat().st_mtime:

@@ -52,7 +52,6 @@ def finish(env: gymnasium.Env, out: Path, episodes: list[PlayedDemonstration]) -
 def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repeat: int = 10,
                    with_pictures: bool = True) -> int:
     """Play every demonstration, from its own start, and write a LeRobot dataset of version 3; return 0.
-
     One frame a decision: observation.state, action, next.reward, next.done, and a picture of the task's camera. Raises
     mpm.InvalidValue where pyarrow is not installed, or a path, demonstration or observation is wrong."""
     if find_spec("pyarrow") is None:
@@ -72,7 +71,6 @@ def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", acti
 
 def dataset_files(out: Path) -> tuple[Path, Path | None]:
     """Return the files of transitions and of metadata that `out` stands for, in a folder that exists.
-
     Raises mpm.InvalidValue for an `out` that cannot be used."""
     is_file = out.suffix in (".hdf5", ".h5")
     if not is_file and not re.fullmatch(r"[-\w]+", out.name):
@@ -128,7 +126,6 @@ def describe_space(space: gymnasium.Space) -> dict[str, Any]:
 
 def write_dataset(file: Path, metadata: Path | None, episodes: list[PlayedDemonstration], more: dict[str, str]) -> None:
     """Write the transitions, then the metadata if there are any: Minari takes a folder for a dataset only with them.
-
     more: entries of the metadata besides totals and format; "env_spec" is in the file of transitions, too."""
     import h5py
 

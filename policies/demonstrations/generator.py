@@ -33,7 +33,6 @@ class DemonstrationGenerator:
 
     def make(self, k: int) -> dict[str, np.ndarray]:
         """Return the arrays of demonstration k: read if it is stored, else made, from a stored search if there is one.
-
         Raises mpm.InvalidValue where the folder holds another demonstration k, or every motion diverged."""
         r, iterations = self.request, self.options.iterations
         mark = r.fingerprint(k, self.env)

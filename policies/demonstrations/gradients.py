@@ -39,7 +39,6 @@ Results = dict[tuple[str, str], dict[str, np.ndarray]]
 
 def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     """Differentiate the script of every task in all variants; write gradients.json and gradients.png; return 0.
-
     Raises mpm.InvalidValue for an unknown task, jobs below 1, or a process that failed."""
     for task in tasks:
         if Path(task).stem not in TASKS:
@@ -97,7 +96,6 @@ def differentiate(task: str, variant: str) -> dict[str, Any]:
 def _compare_with_difference(loss: MotionLoss, actions: np.ndarray, gradient: np.ndarray,
                              steps_before_end: int) -> tuple[float, float]:
     """Return derivative and central difference along a random change of one action.
-
     The difference is NaN where a changed motion diverges."""
     direction = np.zeros_like(actions)
     decision = max(0, len(actions) - steps_before_end // ACTION_REPEAT)
@@ -111,7 +109,6 @@ def _compare_with_difference(loss: MotionLoss, actions: np.ndarray, gradient: np
 
 def summarise(task: str, variant: str, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
     """Return a row of gradients.json.
-
     growth: largest norm of the derivatives by positions divided by that before the last step. lost_before: step before
     which derivatives are no longer finite, or None."""
     norms, lost = arrays["norms"][:, 0], int(arrays["lost"])

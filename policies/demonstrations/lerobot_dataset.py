@@ -32,7 +32,6 @@ SAMPLED_PICTURES = 100
 def write_lerobot_dataset(out: Path, episodes: Sequence[PlayedDemonstration], *, fps: float, task: str, robot: str,
                           state: str) -> None:
     """Write a dataset as the folder `out`, whole or not at all.
-
     fps: decisions per second. task: what is done, in words. state: layout of the observations. Raises mpm.InvalidValue
     where `out` exists."""
     if out.exists():

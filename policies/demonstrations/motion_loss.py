@@ -52,7 +52,6 @@ class MotionLoss:
 
     def value_and_grad(self, actions: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the loss and its derivatives (decisions, dimensions).
-
         Raises mpm.SimulationDiverged and mpm.GradientDiverged."""
         twists = self.actions.to_twists(actions)
         loss, twist_bars = self.rollout.value_and_grad(*twists, self._objective)
@@ -64,7 +63,6 @@ class MotionLoss:
 
     def check_gradient(self, actions: np.ndarray) -> np.ndarray:
         """Return derivatives and central differences along the gradient and random directions (1 + DIRECTIONS, 2).
-
         They are taken at 0.99 x the actions, away from their bounds; (0, 2) where the motion there diverges."""
         actions, rng, rows = 0.99 * actions, np.random.default_rng(0), []
         try:

@@ -58,7 +58,6 @@ def demonstration_paths(folder: Path) -> list[Path]:
 
 def read_start(path: Path) -> tuple[int, dict[str, bool]]:
     """Return seed and options of the reset that a demonstration begins with.
-
     Files without a start begin at the task's own. Raises mpm.InvalidValue for a file that cannot be read."""
     stored = read_arrays(path, names=["start", "seed", "nominal"])
     seed = stored.integer("start" if "start" in stored else "seed", 0, 0, MAX_SEED)
@@ -67,7 +66,6 @@ def read_start(path: Path) -> tuple[int, dict[str, bool]]:
 
 def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int, task: str = "") -> np.ndarray:
     """Return the actions (decisions, dimensions) of one file, repeated where its own action_repeat is longer.
-
     Raises mpm.InvalidValue for a file that is no motion, or does not fit the task."""
     try:
         stored = read_arrays(path)
@@ -95,7 +93,6 @@ def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int
 def load_demonstrations(preset: Preset, folder: Path | None, decisions: int, action_repeat: int, dimensions: int,
                         task: str) -> list[Demonstration]:
     """Load the demonstrations of a folder, or of one file, for a method; none for a method without.
-
     Raises mpm.InvalidValue where the method needs demonstrations and there are none, or the other way round, or a file
     does not fit the task."""
     if folder is None:
@@ -109,7 +106,6 @@ def load_demonstrations(preset: Preset, folder: Path | None, decisions: int, act
 
 def select_replayable(demonstrations: list[Demonstration], preset: Preset, starts: str) -> list[Demonstration]:
     """Return the demonstrations without those that a replay could not begin at the episodes' start.
-
     A method that plays motions as they are (replay: all; residual: the first) needs those made for its start; raises
     mpm.InvalidValue where none is left."""
     is_replay = preset.learner == "replay"

@@ -67,7 +67,6 @@ class DemonstrationRequest(NamedTuple):
 
 def load_stored(path: Path, expected: str) -> StoredArrays | None:
     """Return the arrays that an earlier call stored with the fingerprint `expected`, or None without a file.
-
     Raises mpm.InvalidValue for a file that cannot be read, has another fingerprint, or lacks the losses."""
     if not path.is_file():
         return None

@@ -35,7 +35,6 @@ def draw_learning_curves(out: Path, task: str, n: int) -> None:
 
 def draw_gradient_norms(path: Path, norms: dict[str, dict[str, np.ndarray]]) -> None:
     """Write norms (steps,) over reversed steps to a picture, a panel for each task and a line for each variant.
-
     norms: task -> variant -> norms."""
     columns = min(4, len(norms))
     rows = -(-len(norms) // columns)
@@ -61,7 +60,6 @@ def _save(figure: Any, path: Path) -> None:
 
 def write_table(request: DemonstrationRequest, n: int, env: Any, *, arm: bool) -> None:
     """Write demonstrations.json for demonstrations 0 to n - 1, making those that are missing.
-
     env: the environment with the task's own material. arm: also score each motion carried out by the arm."""
     generator, rows = DemonstrationGenerator(request), []
     arm_env = request.make_environment(arm=True) if arm else None

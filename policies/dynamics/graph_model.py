@@ -81,7 +81,6 @@ class GraphModel:
 
     def make_example(self, k: int, t: int) -> tuple[Graph, torch.Tensor]:
         """Return graph and target (n, 3) of frame t of rollout k (padded), with noise on its history.
-
         The noise is a random walk; the target corrects that of the last frame."""
         h = self.sizes.history
         history = self._grains[k][t - h : t + 1]
@@ -109,7 +108,6 @@ class GraphModel:
     # prediction ------------------------------------------------------------------------------------------------------
     def predict_frame(self, grains: np.ndarray, tool: np.ndarray, tool_next: np.ndarray) -> np.ndarray:
         """Return the grains' positions in the next frame [m], (n, 3).
-
         grains (history + 1, n, 3), tool (history + 1, m, 3): positions, the last of the present frame. tool_next
         (m, 3): of the next frame."""
         graph = make_graph(grains, tool, self.fixed, tool_next, self.scales, self.sizes, self.floor)
@@ -121,7 +119,6 @@ class GraphModel:
 
     def predict_rollout(self, grains: np.ndarray, tool: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the grains' positions [m] (n, 3) in each frame after the first.
-
         grains (n, 3): in the first frame, at rest. tool (frames, m, 3): the tool's points. Ends early where positions
         leave OUT_OF_BOUNDS or are not finite."""
         history, tool_history = self._pad_history(grains[None].astype(float)), self._pad_history(tool)
@@ -141,7 +138,6 @@ class GraphModel:
 
     def test_errors(self) -> dict[str, float | None]:
         """Return mean distances [m] between predicted and true positions on the test set.
-
         frame_m: after one frame. straight_on_m: the same of a prediction with constant displacement. end_m: at the end
         of the rollout; None where a prediction leaves OUT_OF_BOUNDS."""
         frame, end, constant, h = [], [], [], self.sizes.history

@@ -87,7 +87,6 @@ class GraphNetwork(nn.Module):
 def make_graph(grains: np.ndarray, moving: np.ndarray, fixed: np.ndarray, moving_next: np.ndarray, scales: Scales,
                sizes: GraphSizes, floor: float) -> Graph:
     """Return the graph of one frame.
-
     grains (history + 1, n, 3), moving (history + 1, m, 3): positions [m], the last of the present frame. fixed (k, 3):
     of fixed rigid points. moving_next (m, 3): of moving points in the next frame. floor: height [m] of the table."""
     positions = np.concatenate([grains[-1], moving[-1], fixed])

@@ -50,7 +50,6 @@ def rollout_path(folder: Path, k: int) -> Path:
 
 def read_rollouts(folder: Path, env: Any) -> Rollouts:
     """Return all rollouts of a folder with two frames or more.
-
     Raises mpm.InvalidValue where the folder holds fewer than two, or they are of another environment."""
     now = describe_environment(env)
     try:
@@ -88,7 +87,6 @@ KNOTS, SPREAD = 8, 0.4
 def make_rollouts(task: str, out: Path, *, episodes: int = 200, material: str | None = None, action_repeat: int = 10,
                   seed: int = 0, jobs: int = 1) -> int:
     """Make rollouts 0 to episodes - 1 in a folder, where they are missing; return 0.
-
     Raises mpm.InvalidValue for an argument outside its range, or a folder with other rollouts."""
     check_at_least(1, {"--episodes": episodes, "--action-repeat": action_repeat, "--jobs": jobs})
     check_at_least(0, {"--seed": seed})
@@ -118,7 +116,6 @@ def cached_environment(task: str, material: str | None, action_repeat: int) -> A
 
 def make_rollout(made_with: tuple[str, str | None, int], out: Path, seed: int, k: int) -> None:
     """Make rollout k: grains (frames, n, 3) [m] and tool poses (frames, 7), in world axes.
-
     made_with: arguments of `cached_environment`."""
     env, rng = cached_environment(*made_with), np.random.default_rng([seed, k])
     observation, _ = env.reset(seed=int(rng.integers(2**31)), options={"nominal": bool(rng.integers(2))})

@@ -49,7 +49,6 @@ class DemoReplayBuffer(ReplayBuffer):
 
     def add(self, *transitions: Any) -> None:
         """Add observations, next observations, actions, rewards, dones and infos, each with a leading index.
-
         It is the agent's environments, one transition of each; of demonstrations as many as there are."""
         if self._target is self.own:
             self.own.add(*transitions)
@@ -135,7 +134,6 @@ def restore(kind: Any, state: dict[str, Any], capacity: int) -> Any:
 
 def prefill_demo_buffer(model: Any, transitions: Iterable[Transition], updates: int) -> int:
     """Add transitions to a model's demonstrations, with `updates` gradient updates after each; all at once for none.
-
     Returns the number of transitions. Source: arXiv 2406.09178, Algorithm 3, lines 2 to 11."""
     count = 0
     for part in ([step] for step in transitions) if updates else [list(transitions)]:

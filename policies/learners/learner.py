@@ -33,7 +33,6 @@ def learner_class(preset: Preset) -> Any:
 
 def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None = None) -> Any:
     """Build an untrained model.
-
     slices: parts of a flat observation by name, which encoders need. Raises mpm.InvalidValue for options that the
     learner's class does not have, or parts of the preset that do not fit it."""
     kind, options = learner_class(preset), dict(preset.options)

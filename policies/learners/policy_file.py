@@ -14,7 +14,6 @@ ACTIVATIONS = {nn.ReLU: "relu", nn.Tanh: "tanh"}
 
 def deterministic_layers(policy: Any) -> tuple[list[nn.Module], str] | None:
     """Return the layers from a flat observation to the deterministic action, and how the action is bounded.
-
     The bound is "tanh" or "clip". None for a policy that is not a chain of layers."""
     extractor = getattr(policy, "features_extractor", None) or getattr(policy.actor, "features_extractor", None)
     if type(extractor).__name__ != "FlattenExtractor":
@@ -28,7 +27,6 @@ def deterministic_layers(policy: Any) -> tuple[list[nn.Module], str] | None:
 
 def export_policy(policy: Any, path: Path, units: tuple[np.ndarray, np.ndarray] | None = None, **metadata: Any) -> bool:
     """Write a policy of Stable-Baselines3 and metadata to a .npz file; return whether it can be written so.
-
     units: offset and factor (n,) each, of a policy whose input is (observation - offset) * factor; the file's first
     layer takes the observation itself."""
     chain = deterministic_layers(policy)

@@ -44,7 +44,6 @@ class SB3VecEnv(VecEnv):
 
     def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Step; returns observations (n, ...), rewards (n,), dones (n,) and infos.
-
         The info of an episode that is done is that of its last step, with its last observation as
         "terminal_observation"."""
         observations, rewards, terminated, truncated, infos = self.vector.step(self._actions)

@@ -95,7 +95,6 @@ class ResidualActionWrapper(gymnasium.ActionWrapper):
 
 def zero_residual(model: Any, learner: str) -> None:
     """Initialise a policy to make no correction, with small noise.
-
     With the usual initialisation the first episodes would leave the motion that is to be corrected, and the critics
     would learn from these alone. Raises mpm.InvalidValue for a policy without a state-dependent standard deviation."""
     actor = getattr(model, "actor", None)

@@ -13,7 +13,6 @@ from robosim.episode.play import play, read_scores
 
 def environment_id(task: str) -> tuple[str, dict[str, str]]:
     """Return the id in Gymnasium of a bundled sub-task ("SpoonPour") or of a task's .yaml file, and its own options.
-
     Raises robosim.ConfigError where the task does not exist."""
     check_task(task)
     return ("robosim/Task-v0", {"task": task}) if is_task_file(task) else (f"robosim/{task_name(task)}-v0", {})
@@ -21,7 +20,6 @@ def environment_id(task: str) -> tuple[str, dict[str, str]]:
 
 def make_environment(task: str, **options: Any) -> gymnasium.Env:
     """Make the environment of a bundled sub-task or of a task's .yaml file.
-
     options: keyword arguments of `robosim.envs.grain_env.GrainEnv`; material=None is the task's own material. Raises
     robosim.ConfigError for a task that does not exist, mpm.InvalidValue for an option that does not fit it."""
     name, own = environment_id(task)
@@ -31,7 +29,6 @@ def make_environment(task: str, **options: Any) -> gymnasium.Env:
 
 def make_training_environment(task: str, obs: str, action_repeat: int, **options: Any) -> gymnasium.Env:
     """Make the environment of a sub-task, or the one that Gymnasium registers under another id ("Pendulum-v1").
-
     obs, action_repeat and options apply to robosim's environments only. Raises as `make_environment` does."""
     return _make(task, task) if is_foreign(task) else \
         make_environment(task, obs=obs, action_repeat=action_repeat, **options)
@@ -70,6 +67,5 @@ def field_digest(env: Any) -> str:
 
 def score_motion(env: gymnasium.Env, actions: np.ndarray, **reset: Any) -> dict[str, float]:
     """Return score, success and readings of a sub-task's episode with actions (decisions, dimensions).
-
     reset: seed and options of the reset."""
     return read_scores(play(env, np.asarray(actions, np.float32), **reset)[1])

@@ -30,7 +30,6 @@ def evolve(training: Training) -> None:
 
 def make_search(training: Training) -> Any:
     """Return a new search for the knots of a motion, from the first demonstration, or from rest without one.
-
     Options of the preset: knots, sigma (initial standard deviation of the actions), population."""
     options, given = training.preset.options, training.demonstrations
     knots = fit_knots(given[0].actions, options["knots"]) if given else \

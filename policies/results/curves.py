@@ -23,7 +23,6 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 def read_curve(path: Path) -> list[float] | None:
     """Return the mean score of every ten episodes of an episodes.csv; None where it has no scores, or is not there.
-
     Raises OSError, ValueError for a file that cannot be read."""
     scores = [float(row["tcs"]) for row in read_rows(path) if row.get("tcs")]
     return [round(float(np.mean(scores[k : k + POINT])), 2) for k in range(0, len(scores), POINT)] or None
@@ -40,7 +39,6 @@ def group_curves(rows: list[dict[str, Any]]) -> dict[str, dict[str, list[list[fl
 
 def draw_curves(file: Any, groups: dict[str, dict[str, list[list[float]]]], kind: str = "png") -> None:
     """Draw a panel a task: the median of each line's runs, and the band from their worst to their best.
-
     file: path, or a file that is open for writing. kind: "png" or "svg"."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt  # the backend comes first

@@ -48,7 +48,6 @@ def make_further_tables(summaries: Summaries, rows: list[dict[str, Any]], source
 
 def downsampling_gain(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Return seconds of an episode of dg_sac_literal that observes all grains / one that observes some, by task.
-
     Mean over the settings that both were run with."""
     seconds, ratios = defaultdict(list), defaultdict(list)
     for row in rows:

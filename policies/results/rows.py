@@ -24,7 +24,6 @@ episodes."""
 
 def preset_digest(preset: dict[str, Any]) -> str:
     """Return a digest of a preset's settings, without its description and what are columns of their own.
-
     Settings that have their default do not count, so that a setting that is added changes no stored digest."""
     return digest(Preset(**preset).model_dump(exclude={"description", "obs", "episodes"}, exclude_defaults=True))
 

@@ -41,7 +41,6 @@ def summarise_runs(rows: list[dict[str, Any]], published: dict) -> tuple[Summari
 
 def name_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Return the line of the tables that each run belongs to.
-
     It is the run's method and its own value of each setting in which the method's runs differ: runs of different
     settings are not pooled."""
     values: dict[tuple[str, str], set] = defaultdict(set)
@@ -65,7 +64,6 @@ def describe_mixture(line: str, task: str, members: list[dict[str, Any]]) -> lis
 
 def summarise(values: list[float], rng: np.random.Generator) -> dict[str, float]:
     """Return number, mean, standard deviation, interquartile mean and its 95 % interval.
-
     The deviation is that of a sample, 0 for one value. The interval is that of a bootstrap (Agarwal et al. 2021); of
     two or three values it is the smallest and the largest."""
     data = np.array(values)

@@ -22,7 +22,6 @@ PUBLISHED = "arxiv_2406_09178.yaml"
 
 def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the rows of all finished runs, each once, and a text on each run that is not finished.
-
     sources: folders, searched for run folders, and tables.json files. Raises mpm.InvalidValue for a folder that does
     not exist, or a file that is no tables.json."""
     rows, unfinished = [], []
@@ -63,7 +62,6 @@ def read_table(path: Path) -> list[dict[str, Any]]:
 
 def check(sources: list[Path]) -> int:
     """Print the rows of runs, or of tables.json files, that are older than the code; return 1 if there are any.
-
     Raises mpm.InvalidValue as `require_rows`."""
     rows, _ = require_rows(sources)
     stale = find_stale(rows)
@@ -87,7 +85,6 @@ def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
 
 def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
     """Write tables.json, tables.csv and curves.png of runs, and a page as index.html, into a folder; return 0.
-
     sources: folders with runs, or tables.json files. is_mixed: whether means over runs that differ are shown, with a
     note, and not refused. Raises mpm.InvalidValue as `require_rows`, and for a mean over runs that differ."""
     rows, unfinished = require_rows(sources)

@@ -63,7 +63,6 @@ def sign(content: Any) -> bytes:
 
 def load(path: Path, kind: Any = None, env: Any = None, is_trusted: bool = False) -> tuple[Any, dict[str, Any]]:
     """Return the model, of class `kind` (None: no model was stored), in an environment, and the other parts.
-
     Random numbers continue only once `restore_random_state` is called with the parts. Raises mpm.InvalidValue for a
     file that is damaged, too large, of other versions of its packages, or, unless it is trusted, of others."""
     try:

@@ -157,7 +157,6 @@ class Pipeline:
 
     def _run_stage(self, name: str, arguments: list[str]) -> bool:
         """Run a command unless the same one is finished; return whether it is finished now.
-
         Its output is appended to a file of logs/. Stages that use its result are no longer finished."""
         stage = self.stages.get(name)
         if self._is_stopped:

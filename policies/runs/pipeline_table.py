@@ -17,7 +17,6 @@ DEMONSTRATIONS = {"demonstrations": ([{str: object}], ...)}
 
 def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path]) -> list[dict[str, Any]]:
     """Return a row for each sub-task and a last one of the whole arm; None where a result is missing.
-
     demonstration: best score among the task's grains. learned: score of the best motion, replayed. grains, delivered,
     turned_deg, relative_turn_error: in the sequence of sub-tasks, each begun with what the one before has left."""
     chain = read_table(out / "chain" / "chain.json", CHAIN)

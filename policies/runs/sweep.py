@@ -55,7 +55,6 @@ def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = Fa
 
 def run_queue(runs: list[SweepRun], jobs: int, total: int) -> list[tuple[SweepRun, str]]:
     """Run all of them, `jobs` at a time; return those that failed, with the reason.
-
     Runs that another process has locked, as one that a killed sweep has left, are waited for. total: number of runs of
     the sweep, for the progress bar. On an exception, such as Ctrl-C, the processes are interrupted."""
     waiting, active, failed = list(runs), [], []

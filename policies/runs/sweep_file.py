@@ -117,7 +117,6 @@ def load_sweep(path: Path, settings: Sequence[Setting] = ()) -> SweepFile:
 
 def plan_runs(file: SweepFile) -> list[SweepRun]:
     """Return all runs of a sweep, seeds outermost, so that an interrupted sweep has each seed for all methods.
-
     Raises robosim.ConfigError for an unknown task or method, mpm.InvalidValue where a method's input is missing, or two
     runs share a folder."""
     for task in file.tasks:

@@ -191,7 +191,6 @@ class Training:
 
     def stop(self, error: BaseException) -> str:
         """Write the last checkpoint and the status after what ended the run; return what the same command will do.
-
         What a full disk does not take is reported on stderr."""
         self.progress.close()
         is_resumed = self.env.count > 0 or not self.folder.checkpoint.is_file()
@@ -206,7 +205,6 @@ class Training:
 
     def evaluate(self, policy: Any) -> None:
         """Evaluate the policy where that is due, and write it to best_policy.npz if it is the best so far.
-
         Raises SaturatedActor."""
         if self.evaluations is None or not self.evaluations.is_due(self.env.count, self.is_over):
             return
@@ -225,7 +223,6 @@ class Training:
 
     def learn(self, venv: Any = None, callback: Any = None) -> None:
         """Run a learner of Stable-Baselines3 to the run's end; the method of most presets.
-
         venv: the vectorized environment, by default of `agent_env` alone. callback: one of Stable-Baselines3 whose
         `state()` is part of checkpoints, from which `load` restores it."""
         if venv is None:

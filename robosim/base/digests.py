@@ -57,7 +57,6 @@ def cache_folder(name: str) -> Path:
 @cache
 def code_digest(*modules: str, with_data: bool = True) -> str:
     """Return twelve hexadecimal digits of the code that the results of modules depend on.
-
     They change with the syntax of the modules and of all of ours that these import, directly or not, and with the
     versions of the libraries that compute. with_data: and with all bundled configurations and models."""
     total = hashlib.sha256(" ".join(version(name) for name in LIBRARIES).encode())

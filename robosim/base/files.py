@@ -57,7 +57,6 @@ def append(path: Path, data: bytes) -> None:
 
 def write_status(folder: Path, state: str, **more: object) -> None:
     """Write status.json: "running", "finished", "interrupted" or "failed", this process's id, and more.
-
     A status that cannot be written is removed, because the earlier one no longer holds; then raises OSError."""
     path = folder / STATUS
     try:

@@ -58,7 +58,6 @@ def read_rows(path: Path, most: int, place: object) -> list[list[str]]:
 
 def to_numbers(rows: list[list[str]], names: Sequence[str], place: object, may_miss: str = "") -> np.ndarray:
     """Return the numbers (n, names) of columns of `read_rows`; empty rows are left out, place: for messages.
-
     may_miss: a column with empty cells, which are NaN. Raises ConfigError where a column or a number is missing."""
     head, values = rows[0], []
     for name in names:
@@ -109,7 +108,6 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def check_form(value: Any, form: Any, name: str = "file") -> None:
     """Raise InvalidValue unless a value of a JSON file has a form.
-
     form: float, int, str, bool or object (anything); [form] of a list; {key: form} of a table that has at least these
     keys, {str: form} of one with any keys; (form, None) of what may be null, (form, ...) of what may be missing."""
     if isinstance(form, tuple):

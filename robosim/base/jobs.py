@@ -43,7 +43,6 @@ class Launcher(Protocol):
 
     def run(self, commands: Sequence[Command], folder: Path, resumes: bool = True) -> Iterator[Ended]:
         """Submit commands and yield each as it ends.
-
         folder: of what the cluster writes. resumes: whether a command that is cut off by its time limit continues where
         it stopped; others fail then. Raises ConfigError where they cannot be submitted."""
         ...
@@ -51,7 +50,6 @@ class Launcher(Protocol):
 
 def run_here(commands: Sequence[Command], processes: int) -> Generator[Ended, None, None]:
     """Run commands, as many at a time as there are processes, and yield each as it ends.
-
     Processes that run when the caller leaves are killed."""
     waiting, running = list(enumerate(commands)), {}
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
@@ -84,7 +82,6 @@ def _start(command: Command, core: int) -> subprocess.Popen:
 
 def start_command(arguments: Sequence[str], log: IO[Any]) -> subprocess.Popen:
     """Start `robosim` with one thread for arrays; stdout and stderr go to a log.
-
     A Ctrl-C does not reach it: it is to be ended by SIGTERM, which, unlike SIGINT, the processes of a shell's
     background job do not ignore."""
     return subprocess.Popen([sys.executable, "-m", "robosim", *arguments], stdout=log, stderr=log,
@@ -114,7 +111,6 @@ def read_end(path: Path) -> list[str]:
 @contextlib.contextmanager
 def worker_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of `jobs` processes, spawned because a forked one could not use a GPU.
-
     On an exception, such as Ctrl-C, the workers are stopped at once."""
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with, initargs=(os.getpid(),))
     try:

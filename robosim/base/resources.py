@@ -56,7 +56,6 @@ def part_names(kind: str) -> list[str]:
 
 def config_path(kind: str, name: str, what: str) -> Path:
     """Return the path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml.
-
     Raises ConfigError, UnknownName."""
     return own_file(name, what, config_names(kind)) or folder("configs") / kind / f"{name}.yaml"
 

@@ -55,7 +55,6 @@ class Cell:
 
     def step(self, target: JointState, is_held: bool = True) -> np.ndarray:
         """Command the joints, and advance robot and grains by one step; returns the motors' torques (n,) [N m].
-
         is_held: whether the hand holds the tool, or it stands by itself. Raises RobotDiverged and the solver's errors.
         """
         torque = self.command(target)

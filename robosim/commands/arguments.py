@@ -82,7 +82,6 @@ class Settings(tuple[Setting, ...]):
     @contextlib.contextmanager
     def changed(self, kind: str, name: str, folder: Path | None) -> Iterator[str]:
         """Give the path of a copy of a configuration with the settings in it, or the name itself without settings.
-
         kind: "tasks" or "rehearsals". The copy stays in the folder, as NAME.yaml; with None it is temporary. Raises
         ConfigError for a setting that does not fit, and UnknownName."""
         source = config_path(kind, name, kind[:-1])

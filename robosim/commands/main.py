@@ -57,7 +57,6 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 when all is well, 1 for a run that failed, 2 for wrong input, 128 + n for signal n.
-
     Ctrl-C, SIGTERM and SIGHUP end a command alike: it raises KeyboardInterrupt, whose argument is the signal's name."""
     with interrupts() as received:
         try:
@@ -75,7 +74,6 @@ def main(arguments: list[str] | None = None) -> int:
 @contextmanager
 def interrupts() -> Iterator[list[int]]:
     """Raise KeyboardInterrupt on each of SIGNALS that is not ignored or handled by others; give those received.
-
     It is raised again every REPEAT seconds unless it is being handled: a bare `except` of a library, or a finalizer,
     may have discarded it."""
     received: list[int] = []

@@ -75,7 +75,6 @@ def run(options: argparse.Namespace) -> int:
 
 def draft_arm(path: Path) -> tuple[dict[str, Any], dict[str, list[str]]]:
     """Return what the model of an arm says for its file, and limit -> joints of which it does not; raises ConfigError.
-
     The flange is a site or body with a usual name, or else the last body behind the most joints."""
     from robosim.config.arm import ArmConfig
     from robosim.robot.mjspec import read_model

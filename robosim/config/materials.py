@@ -185,7 +185,6 @@ def overridden(config: MaterialConfig, numbers: dict[str, float],
 
 def grain_diameter_of(config: MaterialConfig) -> float | None:
     """Return the diameter [m] of grains that small holes let pass by Beverloo's law.
-
     None for a material without that number, and for one with cohesion: its grains arch over a hole."""
     if not isinstance(config, GranularConfig) or config.grain_diameter is None or config.cohesion.value > 0.0:
         return None

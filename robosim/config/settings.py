@@ -62,7 +62,6 @@ def parse_yaml(text: str) -> Any:
 
 def with_settings(table: dict[str, Any], settings: Iterable[Setting]) -> dict[str, Any]:
     """Copy a table with the settings applied; raises ConfigError for a place in a list that does not exist.
-
     Whether a key exists is for the schema to say: a key that is missing may have a default."""
     changed = copy.deepcopy(table)
     for setting in settings:

@@ -74,7 +74,6 @@ def read(path: Path) -> Any:
 
 def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: Sequence[Setting] = ()) -> Kind:
     """Read a YAML file into a configuration, with settings and then overrides of its top keys in place of its values.
-
     Paths in the file are relative to it, those in settings and overrides to the working directory. Raises ConfigError
     with file or setting, key, value and what is accepted."""
     data = locate_paths(read(path), path.parent)
@@ -95,7 +94,6 @@ def validate(data: dict[str, Any], path: Path, kind: type[Kind], overrides: dict
 
 def list_errors(error: pydantic.ValidationError, data: Any, line: Callable[[Any], str]) -> str:
     """Join the descriptions of errors in data, the first SHOWN of them.
-
     Pydantic's places name branches of unions between the keys, and a value that fits one branch has errors of all."""
     errors = []
     for one in list[Any](error.errors()):

@@ -36,7 +36,6 @@ class Message(NamedTuple):
 
 def write_bag(run: Path, out: Path, plugin: str) -> dict[str, int]:
     """Write the bag of a run's folder as the folder `out`; return the number of messages of each topic.
-
     Raises ConfigError for a folder that is no run's, or an `out` that exists."""
     if out.exists():
         raise ConfigError(f"--out {out}: exists; accepted: a new folder")

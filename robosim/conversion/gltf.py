@@ -17,7 +17,6 @@ GRAIN_SHAPE = trimesh.creation.icosahedron()
 
 def write_frame(recording: Recording, time: float, out: Path) -> float:
     """Write the frame nearest to a time [s] as a .glb file; return the frame's time [s].
-
     Raises ConfigError for a recording without frames."""
     n = len(recording)
     if not n:

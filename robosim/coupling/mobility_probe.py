@@ -117,7 +117,6 @@ def solve_least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def project_mobility(W: np.ndarray) -> np.ndarray:
     """Return the symmetric, positive semi-definite part of a probed mobility (k, k).
-
     Where dry friction is at its limit one probe sticks and the next slides, and their responses are inconsistent; the
     step is then repeated if MuJoCo's motion differs from this part's."""
     W = 0.5 * (W + W.T)

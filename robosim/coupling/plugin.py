@@ -90,7 +90,6 @@ class GranularPlugin:
     @property
     def prediction_error(self) -> np.ndarray:
         """Difference (B, 6) of MuJoCo's twists after the last step from the predicted ones, MuJoCo minus predicted.
-
         Linear [m/s], angular [rad/s]; one row for each body that is not a mocap body. Zero unless coupling="mobility".
         """
         return self._scheme.error
@@ -163,7 +162,6 @@ class GranularPlugin:
 
     def wrench(self, body: str) -> mpm.Wrench:
         """Return the mean wrench [N], [N m] of the grains on a body in the last step.
-
         In world axes about the body's centre of mass; with "one_way" zero for bodies that move by joints. Raises
         UnknownName for a body that is not coupled."""
         bodies = self._bodies
@@ -177,7 +175,6 @@ class GranularPlugin:
 
     def view(self, **options: Any) -> "LiveView":
         """Show the scene in a browser; call `update` of what is returned after every step, and `close` at the end.
-
         options: of `robosim.recordings.live.LiveView`, such as port and out. The page is at `address`."""
         from robosim.recordings.live import LiveView
 

@@ -79,7 +79,6 @@ class MobilityScheme(ExplicitScheme):
 
     def is_accepted(self, wrenches: np.ndarray) -> bool:
         """Measure `error` after MuJoCo's step; compare it with the tolerance.
-
         Bodies that grains push are first moved to the poses that the solver found."""
         bodies, solver = self._bodies, self._solver
         solved = np.array([np.concatenate(solver.collider_twist(bodies.colliders[name])) for name in bodies.dynamic])

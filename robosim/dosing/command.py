@@ -56,6 +56,5 @@ class DoseController(Protocol):
 
 def accepted_error(target: float, percent: float = TOLERANCE_PERCENT, grams: float = TOLERANCE_G) -> float:
     """Return the largest error [kg] with which a dose of a target mass [kg] is a success.
-
     percent, grams: tolerances in % of the target and in g, of which the larger one counts."""
     return max(0.01 * percent * target, 1e-3 * grams)

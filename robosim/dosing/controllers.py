@@ -14,7 +14,6 @@ from robosim.dosing.shaker import WINDOW, Shaker
 
 def make_controller(name: str, numbers: DosingNumbers, control_dt: float) -> DoseController:
     """Make a controller, one of CONTROLLERS; control_dt: time between two commands [s].
-
     Raises UnknownName for another name, ConfigError for a time that cannot be used, also where the window over
     which the controller measures the flow has too few readings."""
     kinds = dict(zip(CONTROLLERS, (OpenLoop, PiDosing, Shaker), strict=True))

@@ -166,7 +166,6 @@ class DosingNumbers(Table):
 
 def load_dosing(name: str) -> DosingNumbers:
     """Load a file of configs/dosing by name, or one's own by path.
-
     Raises ConfigError for a file that cannot be used, UnknownName for a name that does not exist."""
     return load(config_path("dosing", name, "dosing numbers"), DosingNumbers)
 

@@ -74,7 +74,6 @@ class PourCurve(Table):
 
     def tilt_per_mass(self, poured: float, ahead: float) -> float:
         """Return the mean tilt per mass [rad/kg] from a mass poured [kg] on, over the mass ahead [kg] that follows.
-
         Beyond the curve's end it is the mean over the last such part of the curve."""
         last = min(poured + ahead, self.most)
         first = max(last - ahead, self.masses[0])

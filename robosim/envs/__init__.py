@@ -80,7 +80,6 @@ def is_task_file(task: str) -> bool:
 
 def make(name: str, /, **options: Any) -> "gymnasium.Env":
     """Make the environment of a sub-task, by name, or of a task file; options as of `robosim.envs.grain_env.GrainEnv`.
-
     Raises UnknownName for what is neither, ConfigError for a file that cannot be used."""
     import gymnasium
 

@@ -39,7 +39,6 @@ PATH_POSES = 61
 @lru_cache(maxsize=32)
 def find_hold(task_json: str, robot: str = IIWA, gripper: str | None = None) -> tuple[float, np.ndarray]:
     """Find the turn [deg] of the tool in the hand, and the joint angles [rad] (n,) at a task's start.
-
     The first of GRIP_TURNS_DEG with which all of the task's script is within reach. task_json: as JSON, because
     configurations are not hashable. Raises UnreachableWaypoint, ConfigError where there is none."""
     task = TaskConfig.model_validate_json(task_json)

@@ -68,7 +68,6 @@ class GrainBatch:
     def reset(self, seeds: list[int | None], options: dict[str, Any] | None,
               mask: np.ndarray) -> tuple[list[Any], list[Info]]:
         """Start episodes in the environments of a mask (n,); infos of the others are empty.
-
         Raises ConfigError where the mask leaves out an environment that has no episode yet."""
         check_owner()
         if not (mask | [member.generator is not None for member in self.members]).all():
@@ -108,7 +107,6 @@ class GrainBatch:
 
     def _begin_step(self, actions: np.ndarray, starts: np.ndarray) -> None:
         """Carry out actions (n, dimensions) in all environments but those that start (n,).
-
         Raises ConfigError where no episode is running, before any environment moves."""
         velocities = [self.actions.velocities(action, f"action of environment {e}") for e, action in enumerate(actions)]
         left = np.array([0 if now else episode.begin_action(self.action_repeat)
@@ -157,7 +155,6 @@ class GrainBatch:
 
     def load(self, e: int, state: dict[str, Any]) -> None:
         """Continue environment e from a state of any environment with the same task and options.
-
         Raises ConfigError, and changes nothing, for others, and with SAME_STEP where no episode is running."""
         check_owner()
         check_options(state, self.members[e].identity)

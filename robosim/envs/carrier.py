@@ -79,7 +79,6 @@ class Carrier:
 
     def advance(self, velocity: Sequence[np.ndarray], steps: int) -> Iterator[Step]:
         """Advance by steps under a constant `robosim.tasks.actions.Velocity`, and yield each step.
-
         Without an arm in as few launches as the field's readings allow."""
         solver = self._solver
         assert solver is not None
@@ -92,7 +91,6 @@ class Carrier:
 
     def command(self, linear: np.ndarray, angular: np.ndarray, vibration: np.ndarray | None = None) -> mpm.Pose:
         """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes; return the tool's there.
-
         vibration: amplitude [m] and frequency [Hz] (2,), if any, added to what is returned, and not to `commanded`."""
         self.commanded = move_pose(self.commanded, self._task, linear, angular)
         pose = self.setting.actual(self.commanded)

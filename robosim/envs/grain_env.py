@@ -141,7 +141,6 @@ class GrainEnv(Copied, gymnasium.Env):
 
     def load(self, state: dict[str, Any]) -> None:
         """Continue from a state of this environment, or of one with the same task and options.
-
         Raises ConfigError, and changes nothing, for a state of another task or of other options, and after `close`."""
         check_owner()
         check_open("load", self._is_closed)
@@ -153,7 +152,6 @@ class GrainEnv(Copied, gymnasium.Env):
     # gradients ------------------------------------------------------------------------------------------------------
     def rollout(self, n_steps: int | None = None, **options: Any) -> mpm.Rollout:
         """Make a differentiable rollout from the current state; n_steps: of `step_dt`, None: a whole episode.
-
         options: as of `mpm.Rollout`. Raises mpm.InvalidValue with an arm, as the rollout prescribes the tool's motion.
         """
         check_open("rollout", self._is_closed)

@@ -49,7 +49,6 @@ class Member:
 
     def start(self, options: StartOptions) -> Info:
         """Start an episode; return its info.
-
         Raises UnreachableWaypoint where an arm reaches none of ATTEMPTS random starts, or not one that is asked for."""
         world = self.world
         draw, setting, tool = self._restart_carrier(options)
@@ -112,7 +111,6 @@ class Member:
 
     def load(self, state: dict[str, Any]) -> None:
         """Continue from a state.
-
         Raises ConfigError, and changes nothing, for a state of other options, and for one that lacks something."""
         check_options(state, self.identity)
         solver, before = self.world.solver, self._rest_of_state()

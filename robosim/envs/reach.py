@@ -30,7 +30,6 @@ class Reach:
 
     def joint_motion(self, start: Pose, linear: np.ndarray, angular: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return joint angles [rad] (n + 1, joints) and speeds [rad/s] (n, joints) under tool velocities from a pose.
-
         linear [m/s] (n, 3), angular [rad/s] (n, 3): in world axes.
         Raises UnreachableWaypoint where the arm cannot reach the start."""
         posture = solve_pose(self._arm, start, self._rest, rest=self._rest)
@@ -44,7 +43,6 @@ class Reach:
 
     def readings(self, start: Pose, linear: np.ndarray, angular: np.ndarray) -> dict[str, float]:
         """Return how far a motion uses the joints' limits.
-
         speed_limit_ratio_max, joint_limit_ratio_max: largest speed and angle over their limits.
         first_violation_time_s: of the first step above a limit, -1 without one. end_position_error_m: of the tool."""
         q, speeds = self.joint_motion(start, linear, angular)
@@ -60,7 +58,6 @@ class Reach:
     def penalty(self, start: Pose, linear: np.ndarray,
                 angular: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
         """Return the penalty on exceeded joint limits and its derivatives with respect to linear and angular (n, 3).
-
         It is the mean over the steps of the squared excesses of speed and angle, as shares of their limits."""
         (q, speeds), n, dt = self.joint_motion(start, linear, angular), len(linear), self._dt
         fast = np.maximum(np.abs(speeds) / self._arm.velocity - 1.0, 0.0)

@@ -65,7 +65,6 @@ def turned(quaternion: np.ndarray, turn_deg: float) -> np.ndarray:
 
 def read_start(options: dict[str, Any] | None) -> StartOptions:
     """Return the options of a reset.
-
     Raises UnknownName for one that does not exist, ConfigError for a value that cannot be used."""
     if not isinstance(options, dict | None):
         raise ConfigError(f"options of reset: {options!r:.60}; accepted: a dict of {', '.join(StartOptions._fields)}")
@@ -102,7 +101,6 @@ def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.n
 
 def _multiply(values: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return values (n, k) times a matrix (k, k) in double precision, in the values' own.
-
     By blocks of rows: for all at once the memory of the products is allocated anew, which takes longer than they do."""
     result = np.empty_like(values)
     for first in range(0, len(values), BLOCK):
@@ -113,7 +111,6 @@ def _multiply(values: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.Solver,
                   variant: tuple[float, float] | None = None) -> dict[str, np.ndarray]:
     """Return a task's settled state, from the cache or settled now, and leave the solver in it.
-
     name: of the cache file. variant: fill and slope of grains that the solver was not built with.
     Raises mpm.InvalidValue where the tool cannot hold the grains."""
     numbers = {"law": type(material).__name__} | material.values()

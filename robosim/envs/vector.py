@@ -31,7 +31,6 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
                 workers: int | None = None, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
                 **options: Any) -> gymnasium.vector.VectorEnv:
     """Make the vector environment of a sub-task; arguments as of `GrainVectorEnv`, options as of `GrainEnv`.
-
     workers: None: one per core, with an arm or pictures one per environment."""
     options.pop("max_episode_steps", None)  # the task's own horizon holds
     if num_envs < 1:
@@ -90,7 +89,6 @@ class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
     def reset(self, *, seed: int | list[int | None] | None = None,
               options: dict[str, Any] | None = None) -> tuple[Any, Info]:
         """Start episodes; return observations and infos.
-
         seed: one number, raised by one from environment to environment, or a list. options: as of `GrainEnv.reset`, and
         "reset_mask" (n,) for the environments that start. Raises ConfigError, UnknownName for what cannot be used."""
         check_open("reset", self.closed)
@@ -111,7 +109,6 @@ class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, Info]:
         """Apply actions (n, dimensions); return observations, rewards, terminated, truncated and infos.
-
         Raises ConfigError for an action that cannot be used, or an environment without episode, before any moves."""
         check_open("step", self.closed)
         if self._ended.any():  # checked here like the actions, or one process would step while another refuses
@@ -137,7 +134,6 @@ class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
 
     def load(self, index: int, state: dict[str, Any]) -> None:
         """Continue one environment from a state of any, in this vector or alone, with the same task and options.
-
         Raises ConfigError, and changes nothing, for others, and with SAME_STEP where no episode is running."""
         self._call_one("load", index, state)
         self._ended[index] = self.metadata["autoreset_mode"] is AutoresetMode.DISABLED and \

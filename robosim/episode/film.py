@@ -95,7 +95,6 @@ def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = No
 
 def try_film(run: Path, style: FilmStyle) -> FilmFailed | None:
     """Draw the film of a run whose other results are complete; return why it could not be written.
-
     Where this machine cannot draw, a line on stderr says so."""
     try:
         film_run(run, style=style)
@@ -148,7 +147,6 @@ def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
 
 def find_camera(model: mujoco.MjModel, name: str, follows: bool = True) -> str:
     """Return the name that a camera of the scene, or of the hand in it, has in its model; raises UnknownName.
-
     follows: whether there is a hand to be followed."""
     names = [model.camera(k).name for k in range(model.ncam)] + [FOLLOW] * follows
     for found in (name, HAND_PREFIX + name):

@@ -30,7 +30,6 @@ Hook = Callable[[Transition], object]
 def run_episode(env: gymnasium.Env, actions: Actions, *, seed: int | None = None,
                 options: dict[str, Any] | None = None) -> Iterator[Transition]:
     """Reset an environment and yield the transitions of one episode, each as it is made.
-
     The episode ends where the environment ends it, or after a motion's last action. seed, options: of the reset."""
     observation, _ = env.reset(seed=seed, options=options)
     yield from continue_episode(env, actions, observation)
@@ -55,7 +54,6 @@ def continue_episode(env: gymnasium.Env, actions: Actions, observation: Any) -> 
 def play(env: gymnasium.Env, actions: Actions, *, observation: Any = None, hooks: Sequence[Hook] = (),
          seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[float, dict[str, Any]]:
     """Play an episode to its end and return the sum of its rewards and its last info.
-
     observation: the present one of an environment that was reset; None: it is reset, with seed and options."""
     if observation is None:
         observation, _ = env.reset(seed=seed, options=options)

@@ -22,7 +22,6 @@ def name_passage(recording: Recording, time: float) -> str:
 
 def choose_frames(loads: np.ndarray, passages: list[tuple[float, str]]) -> list[tuple[int, str]]:
     """Choose the frames of the sheet, and their names: waypoints, and those in which the tool is full and empties.
-
     loads (n, 2): time [s] of every frame and number of grains in the tool, not finite while it digs. Of the waypoints,
     those that follow most closely on another frame are left out."""
     times, counts = loads.T

@@ -43,7 +43,6 @@ class Approach(NamedTuple):
 
 def plan_approach(config: RehearsalConfig, arm: Arm, start: np.ndarray) -> Approach:
     """Plan the motion from home to a posture (n,) [rad], within the limits of joints and motors.
-
     Raises ConfigError where home collides, or no way is found, which says between what."""
     clearances = Clearances(config, arm, is_standing=True)
 

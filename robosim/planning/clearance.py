@@ -120,7 +120,6 @@ class RobotClearance:
 
     def _find(self, apart: np.ndarray, begin: int) -> Nearest:
         """Return the nearest of pairs from number `begin` on, whose bounding spheres are `apart` (n,) [m].
-
         Pairs are measured from the smallest of these on, until no other can be nearer."""
         best, nearest = np.inf, FAR
         for k in np.argsort(apart):
@@ -205,7 +204,6 @@ class Clearances:
     def check_path(self, passages: dict[str, float], times: np.ndarray, q: np.ndarray,
                    poses: list[Pose]) -> PathClearance:
         """Measure the clearances of postures q (n, joints) [rad], with the tool at poses, at times (n,) [s].
-
         passages: waypoint -> time [s]. Raises ConfigError for a collision: at which waypoint, of what with what, how
         deep."""
         least, surface = PathClearance(FAR, FAR), monitor_containers(self._config)
@@ -218,7 +216,6 @@ class Clearances:
 
     def check_dose(self, q: np.ndarray) -> None:
         """Check the whole range of tilt, with the lip where the dose begins and above the cup's middle.
-
         q: posture at the waypoint (n,) [rad]. Raises UnreachableWaypoint for a tilt that the arm cannot reach from
         there, ConfigError for one at which it would touch something: at which tilt, and what."""
         config, arm = self._config, self._arm

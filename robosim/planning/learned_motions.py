@@ -41,7 +41,6 @@ class SubTaskMotion(NamedTuple):
 
 def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
     """Load the motions of a rehearsal's sub-tasks.
-
     The first begins at the rehearsal's material, each other where the one before ends, at its own height. Raises
     ConfigError for a motion that is missing or does not fit the rehearsal."""
     sequence: list[SubTaskMotion] = []
@@ -61,7 +60,6 @@ def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
 
 def place_target(config: RehearsalConfig) -> RehearsalConfig:
     """Move the target of a rehearsal to where its last learned motion delivers.
-
     The target is a container or an area. The rehearsal of a script is returned unchanged. Raises ConfigError as
     `load_sequence` does."""
     if config.trajectory == "script":
@@ -121,7 +119,6 @@ def load_motion(path: Path, name: str, task: TaskConfig) -> PoseSequence:
 
 def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
     """Tool poses, task.step_dt apart, under a file's actions.
-
     A pour ends after the actions that it needed; other motions are complete, so that the tool is level at the end."""
     scaling, poses = ActionScaling(task), [task.start.pose]
     try:

@@ -159,7 +159,6 @@ def smooth(values: np.ndarray) -> np.ndarray:
 
 def restore_clearance(surface: ContainerSurface, path: PoseSequence) -> np.ndarray:
     """Shift a path away from containers where it comes closer to them than CLEARANCE.
-
     Returns positions (n, 3) [m]; those of the path where MAX_SHIFT is not enough. Both the path and the smoothed path
     are checked: time scaling gives one between them."""
     original, quaternions = path

@@ -52,7 +52,6 @@ class LipMotion:
 
 def make_lip_motion(config: RehearsalConfig) -> LipMotion:
     """Make the motion of a rehearsal's tool from the waypoint of its dose.
-
     The goal is above the middle of the cup, at the height that the lip has at the waypoint. Raises ConfigError for a
     tool that is not level there, a lip that is not above the cup, and a cup that leans."""
     dose = config.dose

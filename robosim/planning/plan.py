@@ -84,7 +84,6 @@ class Grip:
 
     def time(self, most: float) -> Plan:
         """Put the joint path into time, a script slower by up to a factor where limits demand it; raises ConfigError.
-
         The path is solved again each time that it is slower."""
         path, reason = self.path, ConfigError("")
         for count in range(MAX_SLOWDOWNS):

@@ -52,7 +52,6 @@ class Corner(NamedTuple):
 
     def evaluate(self, t: float) -> Pose:
         """Return the pose at a time t [s] from the nominal passage.
-
         The time is within half a blend time. With S the integral of the smoothstep, the tool follows P exp(before (t -
         S)) exp(after S): it leaves the first screw and joins the second with continuous acceleration."""
         u = t / self.blend + 0.5
@@ -133,7 +132,6 @@ class WaypointPath:
 
     def sample_near(self, time: float, tip: np.ndarray) -> np.ndarray:
         """Sample positions (n, 6) [m] of the path about a time [s].
-
         Of the tool's origin and of a point `tip` (3,) [m] of its frame. They lie on the commanded screw of that time
         and on its neighbours, without blending."""
         passages = [self.times[name] for name in self.names]

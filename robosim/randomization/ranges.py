@@ -71,7 +71,6 @@ def valid_numbers(task: TaskConfig, arm: bool) -> list[str]:
 
 def wide_ranges(task: TaskConfig, arm: bool = False) -> Ranges:
     """Return the ranges of the preset "wide" for a task.
-
     Friction of the tool: from polished to worn steel. Errors of the robot: those of `robosim.robot.model_errors`, as a
     laboratory identifies its own by hand."""
     return {MATERIAL: ("salt", "sugar", "sand", "flour")} | {
@@ -80,7 +79,6 @@ def wide_ranges(task: TaskConfig, arm: bool = False) -> Ranges:
 
 def choose_ranges(given: str | Ranges | None, task: TaskConfig, arm: bool = False) -> Ranges:
     """Return the ranges of an environment: a preset's, those given, or else the task's own.
-
     The mass to dose is drawn with any of them. Raises UnknownName for a preset that does not exist."""
     low, high = task.dose.target_g if task.dose is not None else (0.0, 0.0)
     target = {} if task.dose is None else {TARGET_MASS: (1e-3 * low, 1e-3 * high)}

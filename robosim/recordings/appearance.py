@@ -50,7 +50,6 @@ def pack_appearance(model: mujoco.MjModel) -> bytes:
 
 def build_appearance(content: bytes, bodies: Sequence[BodyEntry], path: Path) -> mujoco.MjSpec:
     """Build a scene without mechanics, in which those of the bodies that move are mocap bodies, in their order.
-
     path: of the recording, for messages. Raises ConfigError for a damaged one."""
     try:
         return _build(content, bodies, path)

@@ -184,7 +184,6 @@ class Recording:
 
 def find_recordings(run: Path) -> list[Path]:
     """Return the recordings of a run's folder, also unfinished ones, or the one of a file.
-
     A folder has that of its run, or else those of its parts, in the order of their names. Raises ConfigError where
     there is none."""
     if run.is_dir():

@@ -64,7 +64,6 @@ class SceneRecorder:
     def add(self, data: mujoco.MjData, values: Callable[[GrainState], Sequence[float]] | None = None,
             wrench: mpm.Wrench | None = None) -> bool:
         """Record the present state if a frame is due; return whether it was.
-
         values: called with the grains for the values of the curves. wrench: of the grains on the tool."""
         if not self.is_due(data.time):
             return False

@@ -35,7 +35,6 @@ class WrenchComparison(NamedTuple):
 def compare_wrench(replay: RecordedMotion, readings: Readings, model: mujoco.MjModel, arm_qpos: np.ndarray,
                    grasp_time: float) -> WrenchComparison | None:
     """Compare the wrenches at the recorded times that were simulated; None without a recorded one.
-
     arm_qpos: addresses of the arm's angles in the model. grasp_time: at which the motion starts [s]."""
     wrench = replay.log.wrench
     if wrench is None:

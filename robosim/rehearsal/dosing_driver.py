@@ -104,7 +104,6 @@ class DosingDriver(MotionDriver):
 
     def command(self, time: float) -> JointState:
         """Return the command of the dose while it runs, else that of the motion.
-
         Raises ConfigError for a target above the load, RobotDiverged where the arm cannot come back."""
         if self.begin is None and time >= self.due:
             self._begin_dose(time)
@@ -164,7 +163,6 @@ class DosingDriver(MotionDriver):
 
 def make_dose_controller(config: RehearsalConfig) -> DoseController:
     """Make the controller of a rehearsal's dose.
-
     Raises ConfigError, UnknownName for its file and numbers, another tool, and a vibration above what `host_dt` allows.
     """
     dose = config.dose

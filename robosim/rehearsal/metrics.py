@@ -63,7 +63,6 @@ BOUNDS = {
 
 def get_bounds(config: RehearsalConfig) -> dict[str, Bound]:
     """Return the bounds of one rehearsal.
-
     They include its least load, and no weighing where it weighs nothing. A dose has the bound of its error in place of
     the delivered fraction: the rest stays in the tool."""
     first, bounds = {"scooped_mass_kg": Bound(config.least_load, np.inf)}, dict(BOUNDS)
@@ -186,7 +185,6 @@ def _set_down_figures(run: RehearsalRun) -> dict[str, object]:
 
 def dose_figures(dosing: DosingDriver, mass: float, grain_mass: float) -> dict[str, object]:
     """Return the figures of a dose.
-
     mass: in the cup at the end of the rehearsal, less the tare [kg]. grain_mass: of a material point [kg], below which
     no error means anything."""
     shown, masses, tilts = (dosing.stack(name) for name in ("shown", "mass", "tilt"))
@@ -247,7 +245,6 @@ def find_deviation(path: np.ndarray, points: np.ndarray) -> float:
 
 def compute_wrist_load(run: RehearsalRun) -> float | None:
     """Compute the largest force at the wrist over the weight that the arm may carry; None where no data sheet says.
-
     Makers give the largest mass of hand, tool and load. The force of a motion is compared with its weight at twice
     gravity, which an arm that accelerates by 1 g with that load exerts."""
     payload = run.plan.arm.assembly.robot.payload

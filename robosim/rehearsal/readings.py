@@ -126,7 +126,6 @@ def align_signs(commanded: np.ndarray, reached: np.ndarray) -> None:
 
 def make_continuous(quaternions: np.ndarray) -> np.ndarray:
     """Choose the signs of quaternions (n, 4) so that none jumps from row to row; the first has w >= 0.
-
     A rotation has two quaternions of opposite signs. Where they change along a motion, differences and interpolations
     of rows are wrong."""
     first = np.where(quaternions[:1, 0] < 0.0, -1.0, 1.0)

@@ -88,7 +88,6 @@ def read_log(path: Path, config: RehearsalConfig) -> JointLog:
 
 def find_offset(times: np.ndarray, angles: np.ndarray, planned: JointMotion) -> tuple[float, float]:
     """Return the time [s] of a recording's clock at which the planned motion starts, and the rms distance there.
-
     times (n,) [s] in equal steps, angles (n, joints) [rad]. The distance is that during the planned motion, with the
     recording at rest before and after its samples, over the plan's distance from its own mean."""
     plan_times = np.arange(0.0, planned.duration, 1.0 / SEARCH_RATE)

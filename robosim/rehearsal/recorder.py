@@ -111,7 +111,6 @@ class RunReadings:
 
     def _masses(self, positions: np.ndarray) -> tuple[float, float]:
         """Masses [g] in the tool, and outside of all places.
-
         The region of the tool is larger than its bowl: while it digs, it holds a part of the bed, which is no load."""
         run, config = self._run, self._run.config
         pose, masses = run.cell.tool_pose(), self._grain_masses

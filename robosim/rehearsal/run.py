@@ -127,7 +127,6 @@ class RehearsalRun:
 
     def passages(self) -> list[tuple[float, str]]:
         """Return simulated times [s] and names of the waypoints that are passed at known times, in order.
-
         With a dose those up to it, and the dose itself: it decides when the arm goes on. Once it is over, all."""
         times = [(self.config.grasp_time + time, name) for name, time in self.plan.path.times.items()]
         if not isinstance(self.driver, DosingDriver):

@@ -93,7 +93,6 @@ class Rehearsal:
 
     def plan(self) -> Plan:
         """Plan the motion: tool path, postures, timing, clearances.
-
         Raises ConfigError, UnreachableWaypoint for what cannot be performed, by the waypoint's name."""
         return plan_motion(self.config)
 
@@ -120,7 +119,6 @@ class Rehearsal:
 def rehearse(name: str, out: Path, options: RunOptions = AS_PLANNED, *, force_export: bool = False,
              **changes: Any) -> int:
     """Run a rehearsal, write its results into the folder `out`, and print the main figures.
-
     Returns 0, or 1 where a figure missed its bound. force_export: write the motion for the real robot also where a
     bound was missed, under a name that says so. changes: as of `check_rehearsal`."""
     config = check_rehearsal(name, **changes)
@@ -139,7 +137,6 @@ def rehearse(name: str, out: Path, options: RunOptions = AS_PLANNED, *, force_ex
 
 def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNED) -> Result:
     """Run a rehearsal and write its results into the folder `out`.
-
     Input is checked before any work; raises ConfigError. Files are complete however the run ends. The motion for the
     real robot is written last, and only where every bound was held."""
     material, film = load_material(config.material), options.film
@@ -179,7 +176,6 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
 def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None = None, trajectory: str | None = None,
                     motions: str | Path | None = None) -> RehearsalConfig:
     """Return the configuration of a rehearsal, with what replaces parts of it; raises ConfigError.
-
     trajectory: "script" or "learned", the latter from a folder of motions, or with None the bundled ones."""
     if motions is not None and trajectory == "script":
         raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
@@ -203,7 +199,6 @@ def check_config(config: RehearsalConfig) -> RehearsalConfig:
 
 def check_dose(config: RehearsalConfig, density: float) -> None:
     """Refuse a dose whose controller, lip or cup cannot be used, or that a tool which is full at the start cannot give.
-
     density: of the material [kg/m^3]. What a tool scoops is known when it is weighed. Raises ConfigError."""
     if config.dose is None:
         return

@@ -70,7 +70,6 @@ def _material(model: mujoco.MjModel, geom: int) -> PBRMaterial:
 
 def geom_mesh(model: mujoco.MjModel, geom: int, *, exact: bool = False) -> trimesh.Trimesh | None:
     """Return the surface of a geom in its body's frame [m]; None for kinds that have none.
-
     exact: with all its faces, instead of fewer that are shaded smoothly."""
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
     mesh = _surface(model, geom, kind, size, FAR_FLOOR if exact else FLOOR_SIZE)

@@ -49,7 +49,6 @@ class DepthCamera:
 
     def depth(self, data: mujoco.MjData, pose: mpm.Pose, grains: np.ndarray) -> np.ndarray:
         """Return the depth [m] along the optical axis (height, width), float32; infinite where nothing is seen.
-
         pose: what `look` returned for the same data. grains (n, 3 or more), float32: their positions [m]."""
         R, frames = pose.matrix.T, np.empty((self.model.nbody, 12))
         frames[:, :9] = (R @ data.xmat.reshape(-1, 3, 3)).reshape(-1, 9)

@@ -27,7 +27,6 @@ class DepthNoise(NamedTuple):
 
     def apply(self, depth: np.ndarray, columns_focal: float, rng: np.random.Generator) -> np.ndarray:
         """Return a measured depth [m] (height, width); zero where there is none.
-
         depth: the exact one, infinite where nothing is seen. columns_focal: focal length of the picture [pixels]."""
         is_seen = np.isfinite(depth) & (depth >= self.nearest) & ~self.shadows(depth, columns_focal)
         z = np.where(is_seen, depth, 1.0)

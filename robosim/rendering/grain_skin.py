@@ -24,7 +24,6 @@ GRAIN_VERTICES = FACES.size
 
 def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLike, name: str = GRAIN_SKIN) -> None:
     """Add a skin of grains with a mean radius [m] and a colour rgba (4,), at the world's origin.
-
     A second one, MARKED_SKIN, has the colour of grains that are marked. Raises ValueError unless count and radius are
     positive."""
     if count < 1 or radius <= 0.0:
@@ -38,7 +37,6 @@ def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLi
 
 def make_crystals(count: int, radius: float) -> Array:
     """Make the facets (count, 24, 3) [m] of octahedra about the origin, of a mean radius [m].
-
     Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are uniform."""
     rng = np.random.default_rng(0)
     stretch = rng.uniform(0.75, 1.25, (count, 1, 3))
@@ -58,7 +56,6 @@ def draw_rotations(rng: np.random.Generator, count: int) -> Array:
 
 def compute_normals(facets: Array) -> Array:
     """Compute unit normals (n, 24, 3) per vertex of facets (n, 24, 3).
-
     They are the mean of the facet's and a sphere's. With facet normals a heap of white grains looks like noise, with
     those of spheres like separate dots."""
     a, b, c = np.moveaxis(facets.reshape(-1, 3, 3), 1, 0)
@@ -71,7 +68,6 @@ def compute_normals(facets: Array) -> Array:
 
 def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool_]:
     """Return which grains (n,) at positions (n, 3) [m] lie inside a heap: none of the cubes around theirs is empty.
-
     cell: side of the cubes [m]. Without hidden grains the picture is the same at half the cost."""
     if not len(positions):
         return np.zeros(0, bool)
@@ -88,7 +84,6 @@ def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool
 
 def read_facets(model: mujoco.MjModel, grain_count: int) -> Array:
     """Read the facets (grain_count, 24, 3) [m], about the origin, of the model's grains.
-
     Raises ValueError for a model without a skin of that many grains, or two."""
     if grain_count == 0:
         return np.empty((0, GRAIN_VERTICES, 3))

@@ -6,7 +6,6 @@ import os
 
 def choose_graphics() -> None:
     """Set MUJOCO_GL unless the user did: to "egl" where its libraries load, otherwise to "disable".
-
     Without a display only EGL can draw, and importing MuJoCo fails where MUJOCO_GL names a library that is missing."""
     if "MUJOCO_GL" not in os.environ:
         try:

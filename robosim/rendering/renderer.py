@@ -50,7 +50,6 @@ class SceneRenderer:
     def draw(self, data: mujoco.MjData, positions: Array | None, camera: str | mujoco.MjvCamera,
              marked: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
         """Draw the picture (height, width, 3) of a camera of the model, or of a free one.
-
         positions (n, 3) [m]: of the grains. data: only its positions are used. n may be smaller than the skin's count;
         None draws no grains. marked (n,): grains drawn with the second skin, which the model must have then."""
         mujoco.mj_kinematics(self._model, data)
@@ -94,7 +93,6 @@ class SceneRenderer:
 
 def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0) -> None:
     """Set the shadow map's side in texels, the samples per pixel and a largest frame of 1920 x 1080.
-
     A software rasteriser takes about twice the time for 4 samples."""
     spec.visual.quality.shadowsize = shadow_size
     spec.visual.quality.offsamples = samples

@@ -103,7 +103,6 @@ def read_frames(path: Path, count: int) -> list[Frame]:
 
 def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
     """Write one to nine frames (height, width, 3) with captions as one PNG.
-
     Frames have one size; three are in a row. Raises ValueError for other numbers of frames or captions."""
     if not 1 <= len(frames) <= SHEET_COLUMNS**2 or len(captions) != len(frames):
         raise ValueError(f"contact sheet: {len(frames)} frames, {len(captions)} captions; accepted: 1 to 9, as many of "

@@ -121,7 +121,6 @@ def check_payload(assembly: Assembly) -> None:
 
 def add_sensors(spec: mujoco.MjSpec, assembly: Assembly) -> None:
     """Add sensors of force and torque between flange and hand, in the axes of WRIST_SITE, and of torque to each joint.
-
     Those of joints measure beyond motor, rotor and bearing friction; of slides they measure the force."""
     force, torque, site = (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE, mujoco.mjtObj.mjOBJ_SITE)
     spec.body(assembly.wrist).add_site(name=WRIST_SITE, group=4)

@@ -44,7 +44,6 @@ def load_hand(name: str) -> Hand | None:
 
 def load_hand_model(config: GripperConfig, place: Path) -> Hand:
     """Read a hand's model; place: folder of the file with relative paths. Raises ConfigError, UnknownName.
-
     A joint without an actuator, as of a URDF, gets a position servo that presses with the joint's effort."""
     path = locate_model(config.model, place)
     spec = read_model(path, config.packages)

@@ -63,7 +63,6 @@ class PathSolution(NamedTuple):
 def solve_pose(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray | None = None,
                iterations: int = 200) -> Solution:
     """Find joint angles near `start` that put the tool at `target`.
-
     Takes Levenberg-Marquardt steps from start (n,) [rad]. target: world pose of the tool's frame. The redundant degree
     of freedom draws the posture towards `rest` (n,), by default the arm's home."""
     goal = pinocchio.SE3(target.matrix, np.asarray(target.position, float))
@@ -156,7 +155,6 @@ class _PathSearch:
 
     def choose_start(self, interval: float) -> tuple[np.ndarray, np.ndarray]:
         """Joint angles (joints,) of the first target, and those to rest at, with which a coarse path is followed best.
-
         A redundant arm is drawn to its home in every second attempt, in the others to its first posture."""
         arm, count = self._arm, len(self._targets)
         coarse = sorted({*range(0, count, max(1, count // COARSE_SAMPLES)), *[i for i, _ in self._waypoints]})
@@ -192,7 +190,6 @@ class _PathSearch:
     def follow(self, indices: Sequence[int], q: np.ndarray, rest: np.ndarray,
                whole: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Solve targets that follow closely on one another, each from the solution before, the first from q (joints,).
-
         rest: joint angles [rad] that a redundant arm is drawn to. whole: whether to go on from a target that is not
         reached. Returns joint angles (n, joints) and errors (n, 2) [m], [rad]."""
         angles, errors = [], []
@@ -207,7 +204,6 @@ class _PathSearch:
 
     def unwind(self, q: np.ndarray) -> np.ndarray:
         """Return a joint path (n, joints) [rad] shifted by whole turns of joints, so that it begins nearest to home.
-
         Postures are the same; an arm that comes from home need not turn a joint all around first."""
         q, arm = q.copy(), self._arm
         for k, name in enumerate(arm.joints):
@@ -221,7 +217,6 @@ class _PathSearch:
 
     def _rate(self, q: np.ndarray, travel: np.ndarray) -> float:
         """Score of a joint path (n, joints): elbow height [m], margin to limits [rad], less travel (n - 1, joints) [s].
-
         What is missing of a clearance of NEAR [m] counts a hundredfold."""
         elbow = np.mean([self._arm.elbow_height(x) for x in q[:: max(1, len(q) // 8)]])
         missing = 0.0

@@ -103,7 +103,6 @@ class Servo:
 
     def check_motion(self, time: float, qd: np.ndarray) -> None:
         """Raise RobotDiverged where the speeds (k, n) [rad/s] of the last k steps show an unstable joint.
-
         The unstable mode of a sampled servo changes its sign from step to step. time: that of the last step [s]."""
         jumps = np.diff(qd, axis=0) / self.arm.velocity
         smallest = np.abs(jumps).min(axis=0) * np.all(jumps[1:] * jumps[:-1] < 0.0, axis=0)
@@ -120,7 +119,6 @@ class Servo:
 
     def compute_torque(self, target: JointState, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Compute clipped motor torques [N m] (n,).
-
         tau = K (q* - q) + D (q*' - q') + inverse dynamics; K and D multiply the inertia matrix where they are gains per
         inertia. q, qd: measured angles [rad] and speeds [rad/s], each (n,). target: commanded joint state q*."""
         feedback = self.gains.stiffness * (target.q - q) + self.gains.damping * (target.qd - qd)
@@ -147,7 +145,6 @@ class TorqueSensors:
 
     def estimate_external(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Estimate the external torques [N m] (n,) on the joints.
-
         The model of arm, hand and empty tool, less the sensors. This is what a robot's controller reports as external
         torque; a load in the tool is external to it."""
         return self._arm.rigid_torque(q, qd, qdd) - self.read()

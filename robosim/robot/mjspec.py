@@ -21,7 +21,6 @@ MENAGERIE = "menagerie:"
 
 def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.MjSpec:
     """Read an MJCF or URDF file, without its keyframes and gravity compensation; all bodies have names.
-
     packages: folders of ROS packages by name. Raises ConfigError with MuJoCo's reason for what cannot be read."""
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; accepted: a model of MuJoCo (MJCF) or a URDF")
@@ -49,7 +48,6 @@ def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.
 
 def locate_model(name: str, place: Path) -> Path:
     """Return the file of a model that is not ours; raises ConfigError.
-
     name: a path, relative to a folder `place`; NAME_description, of the package robot_descriptions; or menagerie:FOLDER
     or menagerie:FOLDER/FILE, of a copy of MuJoCo Menagerie in the folder that the variable MUJOCO_MENAGERIE names."""
     if name.startswith(MENAGERIE):
@@ -89,7 +87,6 @@ def find_in_menagerie(name: str) -> Path:
 @contextlib.contextmanager
 def quiet_attachment() -> Iterator[None]:
     """Suppress MuJoCo's warnings about attaching with an empty prefix, and a part with options of its own.
-
     A laboratory's names of joints and bodies are kept; names that occur twice are an error of `compile_spec`. The
     options that hold are those of the scene."""
     mujoco.set_mju_user_warning(lambda text: None)

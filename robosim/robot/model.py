@@ -128,7 +128,6 @@ class Arm:
 
     def distance_beyond_reach(self, point: np.ndarray) -> float:
         """Return how far [m] a point (3,) lies outside the ball about the second joint that holds all tool poses.
-
         Its radius is the length of the chain from there to the tool's frame with all joints in one line; where it is
         negative the point may still be out of reach."""
         pinocchio.forwardKinematics(self.model, self.data, self.neutral)
@@ -155,7 +154,6 @@ class Arm:
 
     def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dt: float = 0.0) -> np.ndarray:
         """Compute the motor torques [N m] (n,) of a motion, with armature, viscous and dry friction.
-
         dt: step [s] at whose end viscous friction acts, as with MuJoCo's implicitfast."""
         return self._rnea(q, qd, qdd) + self._damping * (qd + dt * qdd) + self._friction * np.tanh(qd / self._creep)
 

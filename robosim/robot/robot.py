@@ -75,7 +75,6 @@ def load_arm(name: str) -> Robot:
 
 def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     """Read an arm's model and complete it with its configuration; place: folder of the file with relative paths.
-
     Raises ConfigError, UnknownName for a model that cannot be read, without the flange, that is no serial arm of 5 to
     8 joints, or whose limits nothing says."""
     path = locate_model(config.model, place)
@@ -106,7 +105,6 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
 
 def read_chain(spec: mujoco.MjSpec, flange: str, turn_deg: float, path: Path) -> tuple[list[Any], list[Any]]:
     """Place the flange; returns bodies and joints from the base to it, all with names.
-
     Raises ConfigError unless they are those of a serial arm, as Pinocchio has them."""
     turn = Pose(np.zeros(3), Rotation.from_euler("z", turn_deg, degrees=True).as_quat(scalar_first=True))
     bodies = place_site(spec, flange, turn, f"{path}: flange")
@@ -127,7 +125,6 @@ def read_chain(spec: mujoco.MjSpec, flange: str, turn_deg: float, path: Path) ->
 
 def place_site(spec: mujoco.MjSpec, name: str, own: Pose, what: str) -> list[Any]:
     """Put a site of a body at a pose in the frame of the site or body of that name; returns the bodies from the base.
-
     The site may stand in frames of the file; raises UnknownName for a name of neither."""
     site = next((site for site in spec.sites if site.name == name), None)
     body = site.parent if site is not None else next((b for b in spec.bodies if b.name == name), None)
@@ -152,7 +149,6 @@ def place_site(spec: mujoco.MjSpec, name: str, own: Pose, what: str) -> list[Any
 def exclude_contacts(spec: mujoco.MjSpec, bodies: list[Any], names: tuple[str, ...],
                      home: np.ndarray) -> tuple[tuple[str, ...], ...]:
     """Exclude contacts that no posture can avoid: of the base with the first link, and of what touches at home.
-
     Returns the pairs of the latter. MuJoCo leaves contacts of parent and child out, but not those of a static parent.
     """
     moving = next(body for body in bodies if body.joints)
@@ -189,7 +185,6 @@ def write_limits(spec: mujoco.MjSpec, joints: list[Any], limits: dict[str, np.nd
 
 def check_couplings(model: mujoco.MjModel, names: list[str], path: Path) -> None:
     """Raise ConfigError for what else than its motor moves or holds a joint of the arm, by its name in the model.
-
     Read from the compiled model: MuJoCo makes equalities of <mimic>, and springs of springdamper."""
     data, joints = mujoco.MjData(model), [model.joint(name).id for name in names]
     dofs, places = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
@@ -254,7 +249,6 @@ def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmCon
 
 def read_torques(model: mujoco.MjModel, joints: list[int]) -> np.ndarray:
     """Return torque limits (n,), NaN where the model has none: of the joint, or of an actuator that drives it.
-
     An actuator without a forcerange whose control is a force, a motor, has that of its ctrlrange."""
     torque = np.full(len(joints), np.nan)
     for k, joint in enumerate(joints):

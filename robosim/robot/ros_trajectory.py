@@ -34,7 +34,6 @@ def make_joint_trajectory(motion: JointMotion, joints: Sequence[str], names: Joi
 
 def make_gripper_commands(hand: Hand, changes: Sequence[tuple[float, bool]]) -> dict:
     """Make the commands of a hand that is open or closed at times [s], as plain Python values.
-
     changes: (time, whether it is closed then); between two it moves. Values are those of the model's actuators; times
     count from the start, as those of the trajectory do."""
     return {"actuator_names": list(hand.open),

@@ -47,7 +47,6 @@ def find_nearest(passages: dict[str, float], time: float) -> str:
 
 def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: MotionLimits) -> np.ndarray:
     """Compute the factors (n,) on time that put a motion at its limits.
-
     At these, speed, acceleration or jerk would be at its limit. q (n, joints): joint angles [rad] at `times` (n,) [s].
     Above 1 the motion is too fast."""
     spline = make_interp_spline(times, q, k=5)
@@ -153,7 +152,6 @@ class SmoothMotion(_Segments):
 
     def _plan_segment(self, a: JointState, b: JointState, duration: float) -> Trajectory:
         """Plan the motion from a to b in `duration` [s], or else as fast as possible, with as little jerk as possible.
-
         Ruckig uses the full jerk limit in every phase, so that a high limit causes ripples."""
         limits = self._limits.jerk
         jerk = np.array([self._find_least_jerk(a, b, duration, joint) for joint in range(len(limits))])

@@ -27,7 +27,6 @@ def parse_model(path: Path) -> ET.Element:
 
 def read_urdf(root: ET.Element, path: Path, packages: Mapping[str, str]) -> mujoco.MjSpec:
     """Read a parsed URDF with its meshes wherever they lie; packages: name -> folder. Raises ConfigError, ValueError.
-
     Visual shapes are left out unless <mujoco> in the file says discardvisual="false" and MuJoCo reads their meshes."""
     for kind in ("link", "joint"):
         names = sorted(element.get("name", "") for element in root.findall(kind))
@@ -66,7 +65,6 @@ def read_urdf(root: ET.Element, path: Path, packages: Mapping[str, str]) -> mujo
 
 def locate_mesh(address: str, folder: Path, packages: Mapping[str, str], path: Path) -> Path:
     """Find the file of a mesh's address in a URDF; raises ConfigError with the places where it was looked for.
-
     folder: what plain names are relative to; packages: name -> folder. Other packages are folders beside or above the
     URDF, or in ROS_PACKAGE_PATH, with that name or with a package.xml that says it."""
     scheme, mark, rest = address.partition("://")

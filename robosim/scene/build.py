@@ -20,7 +20,6 @@ OBSTACLE = (0.80, 0.45, 0.20, 1.0)
 
 def assemble_rehearsal(config: RehearsalConfig) -> Assembly:
     """Put together the arm, hand and tool of a rehearsal; raises ConfigError.
-
     The tool is not turned in the hand where the file leaves that to the planner."""
     return assemble(config.tool, config.robot, config.gripper, config.grip_turn_deg or 0.0, config.base)
 
@@ -55,7 +54,6 @@ def read_workcell(config: RehearsalConfig) -> mujoco.MjSpec:
 def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, ContainerConfig], host_dt: float, *,
                      contact: bool, workcell: mujoco.MjSpec | None = None, stand: Pose | None = None) -> mujoco.MjSpec:
     """Assemble work cell, robot with its tool, and containers.
-
     host_dt: MuJoCo's time step [s]. contact: whether MuJoCo makes contacts between tool and containers. workcell: None
     for the bundled one. stand: where a tool stands that the hand does not hold yet."""
     spec = load_spec("workcell", "workcell.xml") if workcell is None else workcell

@@ -63,7 +63,6 @@ class ContainerSurface:
 
     def record_penetrations(self, pose: Pose) -> None:
         """Add the points inside the tool at a pose to `penetrations` and `depth`.
-
         While the tool has moved less than the clearance that was found last, none can be."""
         turn = 4.0 * np.arcsin(min(0.5 * float(np.linalg.norm(pose.quaternion - self._last_pose.quaternion)), 1.0))
         moved = float(np.linalg.norm(pose.position - self._last_pose.position)) + self._sdf.radius * turn
@@ -78,7 +77,6 @@ class ContainerSurface:
 
     def compute_displacement(self, pose: Pose, margin: float) -> np.ndarray:
         """Compute the displacement (3,) [m] of the tool that restores a clearance `margin` [m]; zero where it is kept.
-
         It leads away from the closest point, along the gradient of the signed distance."""
         points = self._select_near(pose, margin)
         distance = self._sdf.distance(points) if len(points) else np.array([margin])

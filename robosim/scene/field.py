@@ -51,7 +51,6 @@ class FieldOptions(NamedTuple):
 def build_field(scene: SceneConfig, law: Law, tool_pose: mpm.Pose,
                 options: FieldOptions = FieldOptions()) -> mpm.Solver:  # noqa: B008  (immutable)
     """Build the solver of a scene, with the tool at its initial world pose and the grains where they are placed.
-
     They begin under their own weight, unless the scene comes to rest first. Raises ConfigError for a tool with holes
     that is a solid, or whose material grain_diameter is missing."""
     field, tool = scene.field, build_tool_lattice(scene)
@@ -159,7 +158,6 @@ def build_container_colliders(scene: SceneConfig, *, static: bool = True) -> lis
 
 def check_field(config: RehearsalConfig, law: Law) -> None:
     """Refuse numbers that the field cannot work with, before any work.
-
     Raises mpm.TimeStepTooLarge for field.dt, ConfigError for fill heights that exceed container or tool, for too
     many grains or substeps, and for a region that does not hold the containers or the pile."""
     if config.field.dt is not None:

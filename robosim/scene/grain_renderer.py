@@ -31,7 +31,6 @@ class GrainRenderer:
 
     def draw(self, data: mujoco.MjData, camera: str | mujoco.MjvCamera | None = None) -> NDArray[np.uint8]:
         """Draw the present state (height, width, 3): bodies as in data, grains as in the solver.
-
         camera: of the specification, or a free one; None: a free one that sees everything."""
         self._data.qpos[:], self._data.mocap_pos[:] = data.qpos, data.mocap_pos
         self._data.mocap_quat[:] = data.mocap_quat

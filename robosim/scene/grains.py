@@ -117,7 +117,6 @@ def grain_volume_of(solver: mpm.Solver) -> float:
 def fill_container(shape: ContainerShape, height: float, spacing: float, cell: float,
                    rng: np.random.Generator) -> Filling:
     """Fill a container up to a height [m] above its floor, in its own frame, but for what lies deep in its walls.
-
     spacing: between grains [m]. cell: of the field [m], from which the thickness of the collider's walls follows."""
     local, volume = shape.fill(height, spacing, rng)
     return Filling(leave_out_buried(local, shape.distance(CONTAINER_WALL * cell, CONTAINER_SPACING), spacing), volume)
@@ -125,7 +124,6 @@ def fill_container(shape: ContainerShape, height: float, spacing: float, cell: f
 
 def leave_out_buried(positions: np.ndarray, walls: Shape, spacing: float) -> np.ndarray:
     """Return those of positions [m] (n, 3), `spacing` [m] apart, that do not lie deep in walls in whose frame they are.
-
     The inside of a mesh is known by cells, which reach into its walls by up to half a cell."""
     return positions[walls.distance(positions) > -BURIED * spacing]
 

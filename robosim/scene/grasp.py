@@ -85,7 +85,6 @@ class Grasp:
 
     def close(self, progress: float) -> None:
         """Command the fingers between open (0) and closed (1), at most the hand's squeeze beyond their present place.
-
         That is the middle between the finger that has closed most and the one that has closed least."""
         if not self._fingers:
             return

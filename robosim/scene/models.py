@@ -90,7 +90,6 @@ def assemble(tool: str | ToolConfig | None, robot: str | ArmConfig = "iiwa14",
              gripper: str | GripperConfig | None = None, grip_turn_deg: float = 0.0,
              base: Placement | None = None) -> Assembly:
     """Put together an arm, a hand and a tool by their names, files or tables.
-
     tool None: an empty hand; gripper None: the arm's usual hand; base: where the arm stands, None: where its file says.
     Paths in tables are absolute, or relative to the working directory. Raises ConfigError, UnknownName."""
     arm = load_arm(robot) if isinstance(robot, str) else load_robot_model(robot, Path())

@@ -53,7 +53,6 @@ class ScaleTerm(Term):
 
     def _mass(self, sight: Sight) -> float:
         """Return the mass [kg] of the grains above the balance that the tool does not hold.
-
         Those that still fall count, too: a steady stream's momentum, rate x speed, presses as its weight in the air."""
         x = sight.grains[:, :3].astype(float)
         is_on = self._region.holds((sight.setting.place @ self._pose).inverse().apply(x))

@@ -39,7 +39,6 @@ class Choice(NamedTuple):
 
 def read_choices(terms: Sequence[TermOptions], common: Mapping[str, Any], what: str = "obs") -> list[Choice]:
     """Return the terms that a list chooses; common: latency, noise, dropout of all terms.
-
     Raises UnknownName for a term that does not exist, ConfigError for a list or options that cannot be used."""
     if isinstance(terms, str) or not 1 <= len(terms) <= MOST_TERMS:
         raise ConfigError(f"{what} = {terms!r}; accepted: a list of 1 to {MOST_TERMS} terms of: "

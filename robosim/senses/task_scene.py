@@ -23,7 +23,6 @@ PLACE = {"position", "look_at", "fovy_deg"}
 
 def build_task_spec(task: TaskConfig, arm: mujoco.MjSpec | None, *, marks: bool = True) -> mujoco.MjSpec:
     """Build what a sub-task looks like, without its grains.
-
     arm: the scene with the arm; None: the tool alone. marks: whether the target is marked."""
     spec = load_spec("workcell", "workcell.xml") if arm is None else arm
     if arm is None:
@@ -49,7 +48,6 @@ def build_task_spec(task: TaskConfig, arm: mujoco.MjSpec | None, *, marks: bool 
 def build_seen_spec(task: TaskConfig, arm: Any, camera: str | Mapping[str, Any], *,
                     marks: bool = True) -> tuple[mujoco.MjSpec, str]:
     """Build what a camera sees of a sub-task, and return it with the camera's name.
-
     arm: the `ArmTool`, or None. camera: a name, or {"position": [m] (3,), "look_at": [m] (3,), "fovy_deg": 45}.
     Raises UnknownName, ConfigError for a camera that cannot be used."""
     spec = build_task_spec(task, None if arm is None else arm.build_spec(), marks=marks)
@@ -90,7 +88,6 @@ class SeenBodies:
 
     def place(self, place: mpm.Pose, tool: mpm.Pose, qpos: np.ndarray | None) -> bool:
         """Put all to where they are: the arm into a posture, or without one the tool alone at its pose.
-
         place: of container and target. qpos: of the scene with the arm. Returns whether what stands still has moved."""
         if qpos is not None:
             self.data.qpos[:] = qpos

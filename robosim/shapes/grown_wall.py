@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 
 def grow_outward(parts: list[trimesh.Trimesh], inside: Inside, growth: float, spacing: float) -> Lattice:
     """Return the distances of closed meshes whose wall is `growth` [m] thicker, on the side that holds nothing.
-
     spacing: of the lattice [m]. Raises ConfigError where no face borders the inside."""
     real = mpm.Sdf.from_mesh(parts, spacing=spacing)
     if growth <= 0.0:
@@ -60,7 +59,6 @@ def wall_at_inside(parts: list[trimesh.Trimesh], inside: Inside) -> float:
 
 def inner_surface(parts: list[trimesh.Trimesh], inside: Inside, real: Lattice, spacing: float) -> trimesh.Trimesh:
     """Return the faces of closed meshes that border their inside, front to it; raises ConfigError for none.
-
     real: distance of the meshes, `spacing` [m] apart; faces that it shows buried in another mesh border nothing."""
     whole = join(parts)
     low, high = inside.bounds

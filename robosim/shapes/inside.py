@@ -81,7 +81,6 @@ class Inside(NamedTuple):
 
 def find_inside(solid: trimesh.Trimesh | list[trimesh.Trimesh], cells: int = CELLS) -> Inside:
     """Return what closed meshes, z up, hold together; raises ConfigError where they hold nothing.
-
     It is found among `cells` cells along their longest edge, twice as many where these are too large, and then again
     among as many around what was found: a small bowl on a long handle is measured as well as a bowl alone."""
     parts = solid if isinstance(solid, list) else [solid]
@@ -105,7 +104,6 @@ def find_inside(solid: trimesh.Trimesh | list[trimesh.Trimesh], cells: int = CEL
 
 def hold_water(parts: list[trimesh.Trimesh], low: np.ndarray, extents: np.ndarray, spacing: float) -> Inside:
     """Return the cells of a box, low (3,) and extents (3,) [m], that hold water; it flows off at the box's border.
-
     No water passes the surface of a mesh, however thin the wall is."""
     lower = low - BORDER * spacing
     shape = tuple(int(n) for n in np.ceil(extents / spacing).astype(int) + 2 * BORDER + 1)

@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 
 def read_parts(path: Path, thickness: float | None = None, scale: float = 1.0) -> list[trimesh.Trimesh]:
     """Read the connected parts of a file as closed meshes [m], normals outward; they may overlap.
-
     thickness: of the walls [m] about open parts, half of it to each side. scale: of the file's unit. Raises ConfigError
     for an open part without a thickness or the reverse, and for a part or a wall that cuts itself."""
     parts = split_parts(read_mesh(path, scale))
@@ -73,7 +72,6 @@ def turn_from_wall(face: trimesh.Trimesh, solids: list[trimesh.Trimesh], wall: f
 
 def read_directions(path: Path, parts: list[trimesh.Trimesh]) -> Array:
     """Read the normals (n, 3) of a file's vertices, as they are; parts: what `read_parts` returns for the file.
-
     Raises ConfigError for a file of several parts, and for normals that let no vertex stay where it is."""
     mesh = trimesh.load(path, process=False)  # with `force` the normals would be computed
     if not isinstance(mesh, trimesh.Trimesh) or len(parts) > 1 or len(mesh.vertices) != len(parts[0].vertices):
@@ -164,7 +162,6 @@ def check_closed(mesh: trimesh.Trimesh, path: Path) -> None:
 
 def mend_slivers(mesh: trimesh.Trimesh, path: Path) -> None:
     """Let neighbours look to one side, and give faces without area the other diagonal across their longest edge.
-
     Without them a closed mesh would be open; at a rim they are left out. Raises ConfigError for some that stay."""
     trimesh.repair.fix_winding(mesh)
     for _ in range(PASSES):

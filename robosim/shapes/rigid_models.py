@@ -68,7 +68,6 @@ def add_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh) -> None:
 @lru_cache(maxsize=64)  # it takes longer than all else of a container's model
 def split_wall(shape: ContainerShape) -> list[trimesh.Trimesh]:
     """Split a container's wall into the hulls of its sectors.
-
     Together they hold all of the wall; where a sector is curved its hull reaches beyond it."""
     lower, upper = shape.bounds
     centre = np.array([*(0.5 * (lower + upper))[:2], upper[2]])

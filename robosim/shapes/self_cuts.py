@@ -40,7 +40,6 @@ def check_intersections(mesh: trimesh.Trimesh, path: Path, what: str = "a mesh t
 
 def find_near_pairs(mesh: trimesh.Trimesh, path: Path) -> Iterator[NDArray[np.int64]]:
     """Yield pairs (n, 2) of faces whose boxes overlap; raises ConfigError for more than MOST_PAIRS.
-
     The boxes are along the mesh's longest edges: those of slender faces side by side would overlap in any other way."""
     edges = mesh.vertices[mesh.edges[:, 1]] - mesh.vertices[mesh.edges[:, 0]]
     corners = mesh.triangles @ np.linalg.eigh(edges.T @ edges)[1]

@@ -14,7 +14,6 @@ CONTAINER_CORNER = 0.008
 
 def superellipse(a: float, b: float, exponent: float = 2.0, count: int = 40) -> Array:
     """Sample points (count, 2) of |x/a|^e + |y/b|^e = 1.
-
     Counter-clockwise from +x; half axes a, b [m]. Exponent 2 is an ellipse, 4 to 8 a rounded rectangle."""
     angle = 2.0 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -34,7 +33,6 @@ def join_rows(k: int, n: int, closed: bool = True) -> NDArray[np.int64]:
 
 def loft(sections: ArrayLike, apexes: tuple[ArrayLike | None, ArrayLike | None] = (None, None)) -> trimesh.Trimesh:
     """Join k closed sections (k, n, 3) [m] into a solid, whose two ends are closed by triangle fans.
-
     apexes: centre points (3,) of the fans; None: the mean of the end section (a flat cap)."""
     rings = np.asarray(sections, float)
     k, n, _ = rings.shape
@@ -53,7 +51,6 @@ def loft(sections: ArrayLike, apexes: tuple[ArrayLike | None, ArrayLike | None] 
 
 def revolve(profile: ArrayLike, segments: int = 40) -> trimesh.Trimesh:
     """Revolve a profile (n, 2) of (radius, height) [m] about the z axis.
-
     A first or last radius of zero becomes a pole, else the end is closed by a flat disc."""
     curve = np.asarray(profile, float)
     tips: list[Array | None] = [None, None]
@@ -70,7 +67,6 @@ def revolve(profile: ArrayLike, segments: int = 40) -> trimesh.Trimesh:
 
 def make_face(rows: ArrayLike, pole: ArrayLike, *, closed: bool = True) -> trimesh.Trimesh:
     """Make an open surface through rows of points (k, n, 3), whose first row a fan about the pole (3,) closes.
-
     closed: whether each row is a ring; otherwise it is a curve, and so are the surface's long sides."""
     grid = np.asarray(rows, float)
     k, n, _ = grid.shape
@@ -116,7 +112,6 @@ def make_box_face(inner_size: ArrayLike, corner: float) -> trimesh.Trimesh:
 def make_container_shell(inner_size: ArrayLike, wall: float = 0.006,
                          corner: float = CONTAINER_CORNER) -> trimesh.Trimesh:
     """Make an open-topped box with rounded upright edges; its origin is the centre of the inner floor, z up.
-
     inner_size (3,): cavity [m]. wall: thickness [m] of walls and floor. corner: inner radius [m] of the upright edges.
     """
     size = np.asarray(inner_size, float)

@@ -219,7 +219,6 @@ def measure_radius(mesh: trimesh.Trimesh, line: tuple[Array, Array], name: str) 
 
 def find_lip(surface: trimesh.Trimesh) -> Array | None:
     """Return the place [m] (3,) over which a tool with an inner face pours; None for a face without a rim.
-
     It is the foremost of the rim, along x, in the middle of such places along y, and the lowest of them."""
     edges, counts = np.unique(surface.edges_sorted, axis=0, return_counts=True)
     rim = surface.vertices[np.unique(edges[counts == 1])]

@@ -9,7 +9,6 @@ from mpm.scene.sampling import JITTER
 
 def rim(radius: float, a: float) -> float:
     """Return the radius [m] of the deposit of a column of sand, a radii high.
-
     Source: fit of Lube et al. 2004, J. Fluid Mech. 508:175."""
     return radius * (1 + (1.24 * a if a < 1.7 else 1.6 * math.sqrt(a)))
 
@@ -17,7 +16,6 @@ def rim(radius: float, a: float) -> float:
 def fill_column(radius: float, height: float, cell: float, rng: np.random.Generator, *, per_cell: int = 4,
                 quarter: bool = True) -> np.ndarray:
     """Return positions [m] (n, 3) about the column's foot, jittered sites of a lattice of half cells.
-
     per_cell: 8 for all sites, 4 for the face-centred half, 2 for the body-centred quarter; the number of particles does
     not depend on the jitter."""
     half = cell / 2

@@ -87,7 +87,6 @@ class ActionScaling:
 
     def velocities(self, action: np.ndarray, name: str = "action") -> Velocity:
         """Convert an action (size,) to velocities of the tool; name: what messages call the action.
-
         Raises ConfigError for a wrong shape or dtype, and for a component outside -1 to 1."""
         values = np.asarray(action)
         if values.shape != self.space.shape:

@@ -27,7 +27,6 @@ collision does in the reward. A steeper slope would let a brush with the wall ou
 
 def build_objective(task: TaskConfig) -> Loss:
     """Build the loss of an episode: minus the reward's distance up to a constant, plus the error of the tool's turn.
-
     Where grains are poured, the height of each grain above the bounds' lower plane replaces the count of poured grains.
     Raises ConfigError for a task whose reward has no distance."""
     distance, n = find_term(task.reward, Distance), task.grains.counted

@@ -14,7 +14,6 @@ Bounds = tuple[np.ndarray, np.ndarray]
 
 def dose_terms(task: TaskConfig) -> tuple[str, ...]:
     """Return the terms that a dosing task observes where nothing else is chosen; see `robosim.senses.senses.TERMS`.
-
     Without a receiver no balance shows what the tool holds."""
     return ("tool", "goal", "time", *(("wrist", "height_map") if task.receiver is None else ("scale",)), "target")
 

@@ -51,7 +51,6 @@ class Outcome:
 
     def step(self, counts: mpm.Counts, pose: mpm.Pose, rotation: float, last: bool) -> Step:
         """Return what the terms of the reward are computed from, also which grains closest to the goal count.
-
         pose: of the tool. rotation [rad]: of it about its lateral axis since the start."""
         distance, self.on_target = counts.distance, counts.in_region
         if counts.per_particle is not None:
@@ -64,7 +63,6 @@ class Outcome:
 
     def readings(self, counts: mpm.Counts) -> dict[str, float]:
         """Return physical readings that do not depend on the weights.
-
         delivered, retained: shares of the counted grains; spilled: share of the observed grains."""
         task, n = self.task, self.task.grains.counted
         pours, observed = "poured" in task.reward, task.grains.count // task.grains.observe_every
@@ -120,7 +118,6 @@ class Dose(Outcome):
 
     def masses(self, counts: mpm.Counts) -> dict[str, float]:
         """Return where the grains are, by their mass [kg]; the sum is the load.
-
         poured: in the receiver; in a task without one, in the tool. spilled: beside the receiver, below its rim; in a
         task without one, outside the bounds. held: in the tool. elsewhere: in the air, or in the container."""
         n, held = self.task.grains.count, counts.in_inner
@@ -134,7 +131,6 @@ class Dose(Outcome):
 
     def readings(self, counts: mpm.Counts) -> dict[str, float]:
         """Return the dose: masses [kg], the error in kg and in % of the target, and the time [s].
-
         overshoot: by how much the mass has been above the target."""
         masses = self.masses(counts)
         error = masses["poured"] - self.target
@@ -149,7 +145,6 @@ class Dose(Outcome):
 
 def load_mass(task: TaskConfig, density: float, volume: float) -> tuple[float, str]:
     """Return the largest mass [kg] that a dosing task can give, and what it is in words.
-
     density: of the material [kg/m^3]. volume: of one grain [m^3]. A tool that begins empty is filled level at most."""
     total = task.grains.count * volume * density
     if task.carried:

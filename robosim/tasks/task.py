@@ -123,7 +123,6 @@ class TaskConfig(SceneConfig):
     @property
     def solid_wall(self) -> float:
         """Wall thickness [m] of the tool in the simulation of the grains.
-
         A shell has that of a grain's spacing as grains are placed on it: places above it are found by half such steps.
         """
         spacing = self.field.cell / self.field.grains_per_cell ** (1.0 / 3.0)
@@ -250,7 +249,6 @@ def load_task(name: str, settings: Sequence[Setting] = ()) -> TaskConfig:
 
 def receiver_regions(containers: Any) -> dict[str, RegionConfig]:
     """Return target and bounds of a task with a receiver: its inside up to the rim, and all above; empty without one.
-
     containers: as a file gives them, or their configurations; of what is refused elsewhere both are arbitrary."""
     from robosim.scene.models import container_shape  # MuJoCo, which most files of tasks do not need
 

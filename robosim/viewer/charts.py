@@ -114,7 +114,6 @@ def value_range(values: np.ndarray) -> tuple[float, float]:
 
 def add_cursor(times: np.ndarray, rows: np.ndarray, near: int, low: float, high: float) -> tuple[np.ndarray, ...]:
     """Return times, curves (k, n) and a vertical line at a frame, as rows of one length for a chart.
-
     Where a curve has no value it leaves the picture: the browser would join what is on both sides."""
     rows = np.where(np.isfinite(rows), rows, low - FAR * (high - low))
     x = np.insert(times, near, times[near])

@@ -26,7 +26,6 @@ class RunFailed(RobosimError, RuntimeError):
 def view(what: str, *, port: int, plan: bool = False, material: str | None = None, out: Path | None = None,
          settings: list[Setting] | None = None) -> int:
     """Serve a page of a run's folder, a recording or a rehearsal until interrupted.
-
     plan: the planned motion of a rehearsal. material, out, settings: of a rehearsal that is begun, whose results go
     into the folder `out`; None: a temporary one. Raises ConfigError for what cannot be shown or served, RunFailed."""
     with contextlib.ExitStack() as stack:
@@ -57,7 +56,6 @@ def is_recorded(what: str) -> bool:
 @contextlib.contextmanager
 def begin_run(name: str, material: str | None, out: Path | None, settings: list[Setting]) -> Iterator[Path]:
     """Begin a rehearsal, or an episode of a sub-task's script, in a process of its own; give its recording at once.
-
     The process is ended with the viewer. Raises RunFailed, and ConfigError for a folder with a recording, which would
     be lost."""
     kept = [path for path in (out / FILE, out / f"{FILE}.part") if path.exists()] if out else []

@@ -31,7 +31,6 @@ class WaypointFile:
 
     def save(self, config: RehearsalConfig, names: list[str]) -> Path:
         """Write the positions of these waypoints; return the file.
-
         A bundled rehearsal becomes NAME.yaml in the working directory. Raises ConfigError where that exists, where the
         file has changed and no longer has these waypoints, or would not be accepted: it stays as it was then."""
         target = Path(f"{self.source.stem}.yaml") if self.is_bundled else self.source
@@ -55,7 +54,6 @@ class WaypointFile:
 
 def replace_positions(text: str, source: Path, config: RehearsalConfig, names: list[str]) -> str:
     """Return the text of a rehearsal's file with the positions of some waypoints replaced by those of a configuration.
-
     Raises ConfigError where the file has no such waypoint."""
     editor: Any = YAML()
     editor.preserve_quotes, editor.width = True, 4096

@@ -153,7 +153,6 @@ DEFAULT_PARTS = [name for name in PARTS if not name.startswith(RESETS)]
 
 def bench(parts: list[str], out: Path | None) -> int:
     """Measure parts, DEFAULT_PARTS when the list is empty; print the figures and write bench.json.
-
     Returns 0, or 1 where a part could not be measured. Raises UnknownName for a part that does not exist."""
     for part in parts:
         if part not in PARTS:

@@ -151,7 +151,6 @@ def format_parts(result: dict[str, Any]) -> list[str]:
 
 def write_page(scene: str, own: dict[str, Any], rows: list[dict[str, Any]] | None, folder: OutputFolder) -> None:
     """Write index.html and print its path.
-
     own: result of the scene's own setting. rows: of `compare_settings`; None without a comparison."""
     page = Page(f"Parts and cost of {scene}")
     page.add_table(["part", "compiled in", "reason", "MB"],

@@ -96,7 +96,6 @@ def _time_probe(source: Path, grains: int) -> float | None:
 
 def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float]:
     """Time one scene in this process.
-
     Returns compile_s, the compile time [s], and ns, the median nanoseconds per particle and substep."""
     solver = build_scene(scene, grains)
     state = solver.state()

@@ -26,7 +26,6 @@ FRACTIONS = ("delivered", "spilled", "retained", *DOSED)
 
 def measure_scene(scene: str, setting: dict[str, float]) -> dict[str, Any]:
     """Run a sub-task or a rehearsal; return readings, seconds, simulated seconds, parts and costs.
-
     setting: factors on the scene's own "cell", "grains_per_cell", "E" and "dt"."""
     mpm.init()
     return run_task(scene, setting) if is_task(scene) else run_rehearsal(scene, setting)

@@ -211,7 +211,6 @@ def _read_columns(place: str, path: Path, names: tuple[str, str], may_miss: str 
 
 def _check_heights(place: str, heap: HeapExperiment, heights: np.ndarray, what: str, percentile: float) -> np.ndarray:
     """Return which heights [m] are no holes; what: they are of, for messages.
-
     Refuses too many holes, and heights, by a percentile, that no heap of this column has: above the column, or not
     above the noise."""
     valid = np.isfinite(heights)

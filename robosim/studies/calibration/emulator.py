@@ -41,7 +41,6 @@ class Emulator:
 
     def distribution(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean (n,) and covariance (n, n) of the outputs over points (m, d), the processes' own included.
-
         A process moves all readings of an experiment together, and so do the numbers."""
         means, variances = self._components(points)
         away = means - means.mean(0)
@@ -67,7 +66,6 @@ class Emulator:
 
 def fit_process(points: np.ndarray, values: np.ndarray) -> tuple[Any, np.ndarray]:  # sklearn's kernels have no types
     """Fit a process to values (r,) of unit variance at points (r, d) by maximum likelihood.
-
     Return it and the inverse (r, r) of its covariance."""
     lengths: Any = np.full(points.shape[1], 0.5)
     kernel = ConstantKernel(1.0, (0.05, 100.0)) * Matern(lengths, LENGTHS, nu=2.5) + WhiteKernel(0.01, (1e-6, 1.0))

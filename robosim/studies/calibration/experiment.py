@@ -136,7 +136,6 @@ def shear_strength(normal_stress: float, friction_angle_deg: float, cohesion: fl
 
 def sliding_angle(depth: float, density: float, friction_angle_deg: float, cohesion: float) -> float:
     """Return the angle [deg] at which a layer [m] on a rough tray fails along its base: 90 where it never does.
-
     Balance of an infinite slope: rho g d sin(a) = m (rho g d cos(a) + c / tan(phi))."""
     ratio = shear_ratio(friction_angle_deg)
     held = shear_strength(0.0, friction_angle_deg, cohesion) / (density * G * depth)

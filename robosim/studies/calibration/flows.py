@@ -25,7 +25,6 @@ box is tilted: gravity is constant during it."""
 def simulate_heap(heap: HeapExperiment, card: MaterialConfig, floor_friction: float, distances: np.ndarray,
                   seed: int = 0) -> np.ndarray:
     """Return the heights [m] (n,) of the heap at distances [m] (n,) from its axis.
-
     seed: of the particles' initial places. Raises mpm.SimulationDiverged."""
     solver = make_column(heap, card.make_law(), floor_friction, seed)
     if heap.lift_speed is not None:  # until it is above the column's top
@@ -74,7 +73,6 @@ def cylinder_pose(heap: HeapExperiment, risen: float) -> mpm.Pose:
 
 def ring_heights(particles: np.ndarray, volume: float, cell: float, distances: np.ndarray) -> np.ndarray:
     """Return heights [m] (n,) at distances [m] (n,) of a quarter heap; particles: distances of all [m], volume: of one.
-
     Rings as wide as a cell, two cells the innermost, with linear interpolation between their middles."""
     rings = max(int(particles.max() / cell) + 2, 3)
     edges = np.concatenate([[0.0], cell * np.arange(2, rings + 2)])
@@ -87,7 +85,6 @@ def ring_heights(particles: np.ndarray, volume: float, cell: float, distances: n
 def simulate_pour(pour: PourExperiment, card: MaterialConfig, wall_friction: float, times: np.ndarray,
                   seed: int = 0) -> np.ndarray:
     """Return the mass [kg] (n,) that has left the box at times [s] (n,) from the begin of the tilting.
-
     seed: of the particles' initial places. Raises mpm.SimulationDiverged."""
     law, cell = card.make_law(), pour.fill_height / pour.cells
     length, lip = math.ceil(pour.length / cell) * cell, LIP_CELLS * cell

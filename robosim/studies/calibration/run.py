@@ -51,7 +51,6 @@ class Runs:
 
 def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings: tuple[Setting, ...] = ()) -> int:
     """Calibrate the material of a file of measurements, and write card, figures and page into a folder.
-
     runs: most simulations of each experiment. Returns 0 when the material is calibrated, 1 otherwise. Raises
     ConfigError for measurements that cannot be used, mpm.SimulationDiverged."""
     measurements = load_measurements(path, settings)
@@ -81,7 +80,6 @@ def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings:
 def run_best(trials: list[Trial], ranges: Ranges, found: Search, store: Runs
              ) -> tuple[list[Residual], list[Residual], dict[str, np.ndarray]]:
     """Simulate every trial with the best numbers; return residuals of those fitted and held out, and their values.
-
     Means over some runs: the places of particles are a part of the errors, not of the numbers. Those held out are
     predicted over the samples of the posterior, so that its covariance counts among their errors."""
     fits, checks, best = [], [], {}

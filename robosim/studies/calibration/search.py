@@ -134,7 +134,6 @@ class Search(NamedTuple):
 def search(trials: Sequence[Trial], ranges: Ranges, run: Run, *, runs: int, seed: int = 0,
            report: Callable[[int], object] = lambda n: None) -> Search:
     """Search the ranges with at most `runs` simulations of each trial that has no closed form.
-
     run: simulates; with the same seed the search asks for the same runs in the same order, so that it can be continued.
     report: is called after each run, with 1."""
     d = len(ranges.names)

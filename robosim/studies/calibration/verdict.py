@@ -114,7 +114,6 @@ def judge(ranges: Ranges, found: Search, fits: list[Residual], checks: list[Resi
 
 def residual(trial: Trial, values: np.ndarray, covariance: np.ndarray | float = 0.0) -> Residual:
     """Compare a trial with values (n,) in its unit; covariance (n, n): of the values, in its unit squared.
-
     Chi square is the squared Mahalanobis distance: numbers that are uncertain move all readings together."""
     difference = trial.readings - values
     square, n = float(difference @ np.linalg.solve(np.diag(trial.errors**2) + covariance, difference)), len(difference)
@@ -153,7 +152,6 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
 
 def usual_errors(one: Experiment, values: np.ndarray) -> np.ndarray:
     """Return standard deviations (n,) of a candidate's readings, of their predicted values (s, n).
-
     Those of a shear cell are a share of each reading's own stress."""
     if isinstance(one, ShearExperiment):
         return np.maximum(SHEAR_ERROR * values.mean(0), 1e-3)  # as in a file of measurements
@@ -179,7 +177,6 @@ def candidates(density: float, has_wall: bool) -> dict[str, Experiment]:
 def expected_widths(samples: np.ndarray, values: np.ndarray, variances: np.ndarray, names: Sequence[str]
                     ) -> dict[str, float]:
     """Return number -> standard deviation after a measurement over the present one.
-
     samples: (s, d) numbers; values: (s, n) predicted readings; variances: (n,) of their errors."""
     x, y = samples - samples.mean(0), values - values.mean(0)
     own, cross, seen = x.T @ x / len(x), x.T @ y / len(x), y.T @ y / len(x)

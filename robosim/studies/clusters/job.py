@@ -69,7 +69,6 @@ class ClusterJob:
 
 def has_ended(pid: int) -> bool:
     """Return whether a child has ended, without reaping it.
-
     `Popen.wait` would hold a lock while a handler of a signal, which interrupts it, waits for the same child."""
     try:
         return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None

@@ -130,7 +130,6 @@ def make_launcher(name: str) -> SlurmLauncher | None:
 
 def find_launcher(name: str, table: Path | None) -> SlurmLauncher | None:
     """Return the launcher of a name with what a YAML file says, which has the keys of `LaunchTable`.
-
     Raises ConfigError, UnknownName."""
     if name == "local":
         if table is not None:

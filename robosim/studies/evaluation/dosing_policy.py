@@ -22,7 +22,6 @@ TERMS = ("tool", "goal", "time", "scale", "target")
 
 def numbers_of(task: TaskConfig, name: str) -> DosingNumbers:
     """Return the numbers that a task's controllers work with; name: of the controller, for messages.
-
     Raises ConfigError for a task without a dose, or without numbers, and as `check_numbers`."""
     if task.dose is None:
         raise ConfigError(f"{name}: the task has no section dose; accepted: dosing tasks")
@@ -89,7 +88,6 @@ class ToolView:
 
     def act(self, sight: DoseSight, command: DoseCommand) -> np.ndarray:
         """Return the action (8,) that moves the lip and turns about it, at most as fast as an action can.
-
         sight: of the last look."""
         angular = command.tilt_rate * self._pitch_axis
         linear = command.velocity + np.cross(angular, self._origin - sight.lip)

@@ -74,7 +74,6 @@ def _score_episode(env: GrainEnv, name: str, seed: int, nominal: bool, folder: O
 
 def summarize(task: str, name: str, rows: list[dict[str, Any]], planned: int) -> dict[str, Any]:
     """Return means and standard deviations over episodes, and the episodes' own figures.
-
     planned: number of episodes; the summary says whether it is of all of them.
     Readings of the arm are the largest of all episodes, because a single one may exceed a limit."""
     values: dict[str, Any] = {"task": task, "policy": name, "is_complete": len(rows) == planned, "episodes": rows}

@@ -16,7 +16,6 @@ OWN = "the task's own"
 
 def play_in_material(task: str, name: str, label: str) -> dict[str, Any]:
     """Run an episode from the task's own start; return its score, readings and trajectory.
-
     The trajectory is the centre [m] (3,) of the observed grains after each action, as long as the simulation does not
     diverge."""
     base, numbers = MATERIALS[label] if label != OWN else (load_task(task).material, {})

@@ -59,7 +59,6 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
 
 def check_policy(task: str, name: str) -> None:
     """Raise UnknownName for a policy that does not exist, ConfigError for one that does not fit a task.
-
     ConfigError, too, for a dosing task: it delivers a mass and no share of the grains."""
     if load_task(task).dose is not None:
         raise ConfigError(f"{task}: a dosing task delivers no share of its grains; accepted: a task without a section "

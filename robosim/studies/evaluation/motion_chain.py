@@ -76,7 +76,6 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
 def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
                      recording: Path) -> tuple[dict[str, Any], Load | None, str]:
     """Replay a motion from its settled start, and with a load where there is one; record the last of them.
-
     Returns the row of chain.json, the load that is left, and why the chain broke, if it did."""
     figures, left = replay_motion(task, path, material=material, recording=recording if load is None else None)
     row, broken = {"task": task, "from_settled_start": figures}, ""
@@ -94,7 +93,6 @@ def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
 def replay_motion(task: str, path: Path, *, material: str | None = None, load: Load | None = None,
                   recording: Path | None = None) -> tuple[dict[str, Any], Load | None]:
     """Replay one motion in the sub-task's environment.
-
     It begins at its nominal start, or with a load. Returns the episode's figures and what the tool holds after it; None
     where the field diverged or nothing is held."""
     wrapped = gymnasium.make(f"robosim/{task}-v0", material=material, load=load, **training_options(str(path)))

@@ -30,7 +30,6 @@ MAX_REPEAT = 10_000
 
 def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
     """Make the policy of one episode, by name or from a .npz file.
-
     A file holds the array `actions` (n, dimensions), or a network as `robosim train` exports it.
     Raises UnknownName for what is neither, ConfigError for a file that does not fit the environment."""
     n = env.task.action.size
@@ -64,7 +63,6 @@ def bundled_motion(task: str) -> Path:
 
 def training_options(name: str) -> dict[str, Any]:
     """Return the environment's options that a policy file was learned with, or that a dosing controller reads.
-
     There are none for any other policy. Raises ConfigError for a file that cannot be read."""
     if name in CONTROLLERS:
         return {"obs": list(TERMS)}
@@ -95,7 +93,6 @@ def load_policy(path: Path) -> StoredArrays:
 
 def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> None:
     """Raise ConfigError where a network's file was learned on another task, or on another version of it.
-
     changed: top-level keys of the task's file that were changed on purpose."""
     arrays = load_policy(Path(name)) if Path(name).is_file() else StoredArrays(Path(name), {})
     if "weight_0" not in arrays or "task_table" not in arrays:

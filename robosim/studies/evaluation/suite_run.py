@@ -99,7 +99,6 @@ def find_policy(name: str) -> str:
 
 def policy_file(name: str, task: str) -> str:
     """Return a policy's name or file, that of the bundled motion for "learned".
-
     Raises ConfigError for a file of another task, or where there is no bundled motion."""
     if name == "learned":
         return str(bundled_motion(task_name(task)))

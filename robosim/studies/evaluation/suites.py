@@ -37,7 +37,6 @@ class Start(NamedTuple):
 
 def plan_starts(suite: str, task: TaskConfig, episodes: int, material: str | None = None) -> list[Start]:
     """Return the starts of a suite, the same for every policy.
-
     material: in place of the task's own, in the suite "nominal". A shorter suite is the beginning of a longer one.
     Raises UnknownName for a suite that does not exist."""
     if suite not in SUITES:

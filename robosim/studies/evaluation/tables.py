@@ -16,7 +16,6 @@ Rows = dict[str, dict[str, Any]]
 
 def make_rows(episodes: Rows) -> Rows:
     """Return scores, deviations and readings by material, from episodes by material.
-
     td_mm: trajectory deviation, the mean distance over the episode [mm] between the centre of the observed grains in
     a material and in the task's own; None where the episode diverged at once."""
     own, rows = np.array(episodes[OWN]["trajectory"]), {}

@@ -24,7 +24,6 @@ Rows = dict[int, dict[str, Any]]
 def perturb(name: str, out: Path, count: int, *, jobs: int = 1, launcher: Launcher | None = None,
             options: dict[str, Any] | None = None) -> int:
     """Run a rehearsal with the exact model and `count` times with drawn errors; write perturbed.json and index.html.
-
     options: further arguments of `rehearse`. jobs: runs at a time, here; launcher: runs them elsewhere. Runs that the
     folder has from the same code and configuration are not repeated. Returns 0 if every bound held in every run."""
     options = options or {}
@@ -81,7 +80,6 @@ def verdict(rows: Rows, failed: dict[int, str]) -> str:
 
 def find_worst(rows: Rows, name: str, bound: Bound) -> tuple[float | None, int]:
     """Return the largest value of a figure, or the smallest of one that has no upper bound, and the seed of its run.
-
     A figure that a run could not have is worse than any value."""
     def excess(value: object) -> float:
         if not isinstance(value, int | float):

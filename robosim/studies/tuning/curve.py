@@ -73,7 +73,6 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
 
 def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:
     """Return a task's numbers, or those that controllers begin with where it names none.
-
     Raises ConfigError for a task that does not dose, or not into a receiver."""
     dose, vibration = check_dosing(config, task)
     if dose.controllers is not None:
@@ -112,7 +111,6 @@ def pour_slowly(env: GrainEnv, seed: int, numbers: MotionNumbers, rate_deg: floa
 
 def mean_curve(curves: list[list[tuple[float, float]]], most_deg: float) -> tuple[list[float], list[float]]:
     """Return tilts [deg] and the mean masses [kg] there, not falling; without the parts in which nothing is poured.
-
     curves: tilts [deg] with the masses poured [kg], for each episode. Raises ConfigError for an episode without any,
     and for tilts that do not rise."""
     for k, points in enumerate(curves):

@@ -24,7 +24,6 @@ TIME_WEIGHT = 0.5
 
 def episode_cost(row: dict[str, Any], duration: float) -> float:
     """Return the cost of an episode: error and spilled mass in accepted errors, and a part for its time.
-
     row: of `robosim.studies.tuning.trial`. duration: longest time of a dose [s]."""
     if row["diverged"]:
         return 2.0 * WORST + TIME_WEIGHT
@@ -59,7 +58,6 @@ def play_dose(env: GrainEnv, controller: str, numbers: DosingNumbers, seed: int)
 def run_trial(search: dict[str, Any], numbers: dict[str, Any], seed: int, count: int, folder: str
               ) -> list[dict[str, Any]]:
     """Return the episodes of one choice of numbers with the seeds from `seed` on, stored in a folder or run now.
-
     search: task, controller, material, randomize (preset of what the seeds draw), and what else tells it from others.
     """
     store, code = Store(Path(folder)), code_digest(__name__)

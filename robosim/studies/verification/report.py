@@ -93,7 +93,6 @@ def read_json(path: Path) -> Any:
 
 def measure_yardstick(folder: Path) -> float:
     """Run the yardstick; return its nanoseconds per particle and substep on this machine.
-
     Raises ConfigError where the script is missing or prints no figure."""
     script = folder / YARDSTICK
     if not script.is_file():

@@ -24,7 +24,6 @@ NOTABLE = 1.05
 
 def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | None, speed: float | None) -> Page:
     """Make the page.
-
     results: case -> its part of report.json. peers: other codes' results on the column collapse. speed: nanoseconds per
     particle and substep of the yardstick on this machine, to convert the peers' seconds."""
     page = Page("Verification: error against run time")
@@ -116,7 +115,6 @@ def draw_peers(plot: Plot, peers: dict[str, Any], speed: float | None) -> None:
 
 def add_comparison(page: Page, old: dict[str, Any], new: dict[str, Any]) -> list[list[object]]:
     """Add the changed runs to a page, largest change of the error first; return the table's rows.
-
     old, new: contents of report.json. Raises ConfigError where the old one is no report."""
     try:
         check_form(old, REPORT)

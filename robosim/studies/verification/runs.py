@@ -75,7 +75,6 @@ def pareto_front(points: list[tuple[float, float]]) -> list[int]:
 
 def time_to_error(target: float, points: list[tuple[float, float]]) -> float | None:
     """Return the seconds at which a series (seconds, error) reaches an error, by interpolation of logarithms.
-
     None where it does not reach it."""
     for (t0, e0), (t1, e1) in pairwise(points):
         if e0 > target >= e1 > 0:

@@ -22,7 +22,6 @@ CELLS = "robosim.studies.verification.stability.field"
 
 def stability(axes: list[str], out: Path, jobs: int = 1, launcher: Launcher | None = None) -> int:
     """Run the cells of axes, all when the list is empty, and write index.html and stability.json.
-
     Cells that the folder has from the same code are not run again. jobs: cells at a time, here; launcher: runs
     them elsewhere. Returns 0 if no cell is unstable, else 1. Raises UnknownName for an axis that does not exist."""
     cells = [Job("robosim.studies.verification.stability_report:run_cell", {"axis": axis, "value": value},

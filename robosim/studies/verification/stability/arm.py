@@ -28,7 +28,6 @@ def arm() -> Arm:
 
 def build_cell(host_step: float) -> Cell:
     """Build the arm alone, at rest in its home posture, with its servo; host_step: MuJoCo's [s].
-
     Raises ConfigError for a step with which the servo would be unstable."""
     made = compile_scene(build_scene_spec(arm().assembly, "weld", {}, host_step, contact=False), arm().assembly)
     return Cell(made, arm(), arm().home, ())
@@ -72,7 +71,6 @@ def arm_host_step(step: float) -> Outcome:
 
 def payload(mass: float) -> Outcome:
     """Hold the home posture for a second with a load [kg] on the tool.
-
     From 14 kg on the motors saturate, and the arm sinks."""
     still = JointState(arm().home, np.zeros(7), np.zeros(7))
     return follow(build_cell(1e-3), lambda _: still, 1.0, mass)

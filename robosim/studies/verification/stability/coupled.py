@@ -22,7 +22,6 @@ TOUCHED = 1500.0 * SIDE**2 * 1.75 * CELL
 def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: float, lift: float,
                 bed: tuple[float, float, float], quat: str = "1 0 0 0", floats: bool = False) -> GranularPlugin:
     """Build a box above a bed of sand.
-
     mass [kg]; half: of its side [m]; lift: of its lower face above the bed [m]; bed: size [m]; floats: without weight.
     """
     positions = mpm.sample_box((0, 0, 0), bed, CELL / 2)
@@ -38,7 +37,6 @@ def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: floa
 
 def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> Outcome:
     """Advance and check every step; return what failed first and when, "" if nothing did, and readings.
-
     duration [s]; speed [m/s] of the tool."""
     model, data, solver = plugin.model, plugin.data, plugin.solver
     mass, inertia = model.body_mass[1], model.body_inertia[1]
@@ -77,7 +75,6 @@ def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> 
 
 def plough(ratio: float, coupling: Coupling = "mobility", speed: float = 0.3) -> Outcome:
     """Push a box, half sunk and without weight, through sand.
-
     ratio: of its mass to that of the particles in contact with it; speed [m/s]."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mpm.GrainsInSolid)  # the box is emptied below

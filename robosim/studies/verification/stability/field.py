@@ -24,7 +24,6 @@ REFERENCE_COURANT = 0.2
 
 def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: float) -> Outcome:
     """Advance and check; return what failed first and when, "" if nothing did, and readings.
-
     duration [s]; drop: largest fall of a particle [m]; wave: sound speed [m/s]."""
     lower = np.asarray(solver.grid.lower)
     upper = lower + solver.grid.cells * solver.grid.cell
@@ -87,7 +86,6 @@ def friction_angle(phi: float, sleep: bool = False) -> Outcome:
 
 def courant(number: float, sleep: bool = False) -> Outcome:
     """Spread a block at a Courant number: its mean height stays within 3 % of the reference's.
-
     The number is the substep in units of cell over sound speed; an isolated particle's bound is 0.734 at nu = 0.3,
     of which 0.83 is accepted."""
     solver = build_block(make_sand(), dt=number * CELL / sound_speed(1e5), sleep=sleep)
@@ -106,7 +104,6 @@ def _reference_height() -> float:
 
 def drop_height(height: float, sleep: bool = False) -> Outcome:
     """Drop a block from a height [m]: it rebounds with at most 5 % of its energy.
-
     E = 1 MPa, because at 0.1 MPa the fall from 5 m reaches the sound speed and compresses the block to half its height.
     """
     solver = build_block(make_sand(1e6), drop=height, sleep=sleep)
@@ -168,7 +165,6 @@ SLEEPING = {SLEEPING_PREFIX + name: (partial(AXES[name][0], sleep=True), AXES[na
 
 def find_axis(name: str) -> tuple[Callable[..., Outcome], tuple]:
     """Return the function that runs a cell, and the values of an axis.
-
     Raises UnknownName for an axis that does not exist."""
     axes = AXES | COMPARISONS | SLEEPING
     if name not in axes:

@@ -25,7 +25,6 @@ RADIUS, BOWL = 0.035, np.array([0.091, 0.0805, 0.0592])  # of a bowl, and its ce
 def build(law: Material = BLOCK, *, share: float | None = None, stride: int = 4, settled: bool = True,
           spacing: float = CELL / 2, gravity: float = -G, **scene: Any) -> mpm.Solver:
     """Build a layer of a law between smooth walls, under the stress of rest.
-
     share: substep in bounds of an isolated particle; None: the default, and the default stride. stride: substeps.
     settled: False for a layer without stress. spacing: of the particles [m]. scene: of `mpm.Solver`."""
     x = mpm.sample_box((0, 0, 0), (WIDTH, 2 * CELL, DEPTH), spacing)
