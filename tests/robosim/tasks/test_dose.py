@@ -235,7 +235,7 @@ def test_an_action_of_eight_numbers() -> None:
     ({"dose__target_g": [5, float("nan")]}, r"dose.target_g.1"),
     ({"dose__reward": {"error": 1}}, r"key 'dose.reward' is now called 'reward'; rename it"),
     ({"reward": {"errors": 1}}, r"reward: unknown term 'errors'; valid: error, time, spill, distance, lost, "),
-    ({"reward": {"error": -1}}, r"reward.error.weight: Input should be greater"),
+    ({"reward": {"error": -1}}, r"reward.error: Input should be greater"),
     ({"reward": 3}, r"reward: 3; accepted: a table of error, time"),
     ({"action__vibration__frequency": [20, 100]}, r"accepted: up to 62.5 Hz, 8 steps in a period"),
     ({"action__vibration__frequency": [60, 20]}, r"the lowest and then the highest"),
