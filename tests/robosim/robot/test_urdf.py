@@ -34,6 +34,7 @@ def read(path: Path, **more: Any) -> Any:
     ("robots/Arm ü.urdf", "lab_description", "package://lab_description/"),
     ("renamed-main/urdf/a.urdf", "renamed-main", "model://lab_description/"),
     ("robots/a.urdf", "elsewhere/lab_description", "package://lab_description/"),
+    ("robots/a.urdf", "install/share/lab_description", "package://lab_description/"),
     ("robots/a.urdf", "my folder", "file://{root}/my folder/"), ("robots/a.urdf", "my folder", "../my folder/"),
 ])
 @pytest.mark.parametrize("by_key", [True, False])
@@ -53,6 +54,7 @@ def test_meshes_are_found_each_its_own(urdf: str, package: str, address: str, by
     (tmp_path / "arm.yaml").write_text(f"model: '{urdf}'\nflange: tool0\npackages: {{lab_description: {package}}}\n"
                                        f"limits: {{velocity: [1, null, null, null, null, null]}}\n")
     monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(["", str(tmp_path / "elsewhere")]))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
     monkeypatch.chdir("/")
     robot = load_arm(str(tmp_path / "arm.yaml")) if by_key else read(path, limits={"velocity": [1] + [None] * 5})
     model = compile_spec(Assembly(robot, None, None).build_spec())
