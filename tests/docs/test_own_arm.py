@@ -12,12 +12,12 @@ from own_meshes import write_bowl, write_ladle
 from pages import ROOT
 
 from robosim import Rehearsal
-from robosim.base.errors import RobosimWarning
 from robosim.commands.main import main
 
 PAGE = (ROOT / "docs" / "guides" / "own_robot.md").read_text()
 SECTION = PAGE.partition("\n## Worked example")[2].partition("\n## ")[0]
 TREE, NEW, LISTED, LIMITS, LADLE, SALT, REHEARSE, PRINTED = re.findall(r"^```\w+\n(.*?)^```", SECTION, re.M | re.S)
+pytestmark = pytest.mark.filterwarnings("ignore:.*visual shapes are left out")
 MOST_LINES, MOST_PLAN_TIME = 30, 20.0
 """What a person writes; seconds."""
 
@@ -31,8 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
     for line in TREE.splitlines():
         assert all(list(tmp_path.glob(name)) for name in line.split("  ")[0].split(", ")), line
     monkeypatch.chdir(tmp_path)
-    with pytest.warns(RobosimWarning, match="lab_arm.urdf: visual shapes are left out"):
-        assert main(shlex.split(NEW)[1:]) == 0
+    assert main(shlex.split(NEW)[1:]) == 0
     assert capsys.readouterr().out == LISTED
     arm = Path(LISTED.splitlines()[-1])
     for key, value in re.findall(r"^( *\w+): +(\S.*)$", LIMITS, re.M):
@@ -47,8 +46,7 @@ def test_it_is_short_and_leads_to_a_plan(folder: Path) -> None:
     """The limits are those of the URDF and of the page; the arm keeps clear of things."""
     assert sum(len(text.splitlines()) for text in (LIMITS, LADLE, SALT)) <= MOST_LINES
     began = time.process_time()
-    with pytest.warns(RobosimWarning, match="visual shapes are left out"):
-        plan = Rehearsal("salt.yaml").plan()
+    plan = Rehearsal("salt.yaml").plan()
     assert time.process_time() - began < MOST_PLAN_TIME and plan.approach is not None
     assert plan.clearance.surroundings.distance > 5e-3 and plan.clearance.itself.distance > 5e-3
     robot = plan.arm.assembly.robot
@@ -59,8 +57,7 @@ def test_it_is_short_and_leads_to_a_plan(folder: Path) -> None:
 @pytest.mark.slow
 def test_it_ends_with_every_bound_held(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """At the first run. What is printed are the lines of the page, with numbers of this machine."""
-    with pytest.warns(RobosimWarning, match="visual shapes are left out"):
-        assert main(shlex.split(REHEARSE)[1:]) == 0
+    assert main(shlex.split(REHEARSE)[1:]) == 0
     words = [re.sub(r"-?[\d.]+(e-?\d+)?", "#", text).split() for text in (capsys.readouterr().out, PRINTED)]
     assert words[0] == words[1] and "outside its bound: none\n" in PRINTED
     figures = json.loads(Path("out/salt/report.json").read_text())
