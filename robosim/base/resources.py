@@ -74,7 +74,8 @@ def own_file(name: str, what: str, accepted: list[str]) -> Path | None:
         raise ConfigError(f"{what} {name:.200}: no such file; accepted: a .yaml file of your own, or one of "
                           f"{', '.join(accepted)}")
     if name not in accepted:
-        raise UnknownName(what, name, accepted, "or the path of a .yaml file of your own")
+        made = ", which `robosim new arm MODEL` writes" if what in ("arm", "robot") else ""
+        raise UnknownName(what, name, accepted, f"or the path of a .yaml file of your own{made}")
     return None
 
 

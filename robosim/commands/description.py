@@ -88,8 +88,8 @@ def lines_of(table: Schema, top: Schema, values: dict[str, Any], indent: str) ->
     for name, field in table["properties"].items():
         yield from explanation("", field, top, indent)
         inner = tables(field, top)
-        is_block = [mark for mark, _ in inner] == [""] and name in values and not is_short(values[name])
-        if is_block and isinstance(values[name], dict):
+        is_block = [mark for mark, _ in inner] == [""] and values.get(name) and not is_short(values[name])
+        if is_block and isinstance(values[name], dict):  # an empty one would be null with its keys as comments
             yield f"{indent}{name}:"
             yield from lines_of(inner[0][1], top, values[name], indent + "  ")
             continue

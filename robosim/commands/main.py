@@ -6,13 +6,15 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import entry_points, version
+from typing import Any
 
 import mpm
-from robosim.base.errors import RobosimError, RobotDiverged
+from robosim.base.errors import RobosimError, RobosimWarning, RobotDiverged
 from robosim.base.files import describe_end
 from robosim.base.jobs import SIGNALS
 from robosim.base.resources import config_path
@@ -123,7 +125,14 @@ def is_disk_full(error: BaseException | None) -> bool:
 def run_command(arguments: list[str] | None) -> int:
     """Run a command; an error becomes a line on stderr and an exit status, a KeyboardInterrupt a line alone."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    options = parser().parse_args(arguments)
+    options, usual = parser().parse_args(arguments), warnings.formatwarning
+
+    def format_note(message: Warning | str, category: type[Warning], *place: Any) -> str:
+        """Write our warnings as errors are written, in a line without a place in the code."""
+        is_ours = issubclass(category, RobosimWarning)
+        return f"robosim {options.command}: note: {message}\n" if is_ours else usual(message, category, *place)
+
+    warnings.formatwarning = format_note
     try:
         if getattr(options, "field_threads", 1) > 1:
             mpm.init(threads=options.field_threads)
@@ -141,6 +150,8 @@ def run_command(arguments: list[str] | None) -> int:
         after = getattr(options, "after_interrupt", "")
         print(f"robosim {options.command}: {describe_end(error)}{'; ' if after else ''}{after}", file=sys.stderr)
         raise
+    finally:
+        warnings.formatwarning = usual
 
 
 if __name__ == "__main__":

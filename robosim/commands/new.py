@@ -20,7 +20,7 @@ BASES = {"rehearsal": "spoon", "task": "SpoonPour", "material": "salt", "arm": "
 USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "material": "--material {}",
         "arm": "robosim rehearse spoon --set robot={}"}
 """Kind of file -> what takes it."""
-MODELS = (".urdf", ".xml", ".mjcf")
+MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
 FLANGES = ("tool0", "flange", "attachment_site", "ee_link", "tcp")
 """Usual names of the place where a hand is mounted, the most usual first."""
 
@@ -42,6 +42,8 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the file."""
     kind, path, basis = options.kind, options.name, options.basis or BASES[options.kind]
+    if kind == "arm" and path.is_dir() and (models := sorted(str(model) for model in path.rglob("*.urdf"))):
+        raise ConfigError(f"{path}: a folder; accepted: a model in it: {', '.join(models)}")
     is_model = kind == "arm" and path.suffix.lower() in MODELS
     source = path if is_model else find_source(kind, basis)
     if path.suffix not in (".yaml", ".yml"):
@@ -59,23 +61,25 @@ def run(options: argparse.Namespace) -> int:
     schema = type(load_material(str(source))) if kind == "material" else import_name(KINDS[kind])
     if not is_model:
         load(source, schema)  # refuses a file that is not valid
-    table, missing = draft_arm(source) if is_model else (locate_paths(read(source), source.parent), {})
+    table, joints, missing = draft_arm(source) if is_model else (locate_paths(read(source), source.parent), (), {})
     made = source.name if is_model else f"{path.stem} --from {basis}"
-    heading = (f"A {kind}, made by `robosim new {kind} {made}`; used by "
+    heading = (f"{'An' if kind == 'arm' else 'A'} {kind}, made by `robosim new {kind} {made}`; used by "
                f"`{USES[kind].format(str(path))}`. In brackets: accepted values; default. "
                f"A key after a # has its default; to change it, remove the #.")
     text = template(schema, table, heading)
-    for key, joints in missing.items():
-        print(f"to fill in: limits.{key} of {', '.join(joints)}")
-        text = text.replace(f"\n  {key}: ", f"\n  # To fill in: {', '.join(joints)}; null: as in the model\n  {key}: ")
+    if is_model:
+        print(f"flange: {table['flange']}, at the end of {', '.join(joints)}")
+    for key, lacking in missing.items():
+        print(f"to fill in: limits.{key} of {', '.join(lacking)}")
+        text = text.replace(f"\n  {key}: ", f"\n  # To fill in: {', '.join(lacking)}; null: as in the model\n  {key}: ")
     write_text(path, text)
     print(path)
     return 0
 
 
-def draft_arm(path: Path) -> tuple[dict[str, Any], dict[str, list[str]]]:
-    """Return what the model of an arm says for its file, and limit -> joints of which it does not; raises ConfigError.
-    The flange is a site or body with a usual name, or else the last body behind the most joints."""
+def draft_arm(path: Path) -> tuple[dict[str, Any], tuple[str, ...], dict[str, list[str]]]:
+    """Return what the model of an arm says for its file, its joints, and limit -> joints of which it does not say it.
+    The flange is a site or body with a usual name, or else the last body behind the most joints; raises ConfigError."""
     from robosim.config.arm import ArmConfig
     from robosim.robot.mjspec import read_model
     from robosim.robot.robot import collect_limits, read_chain
@@ -91,7 +95,7 @@ def draft_arm(path: Path) -> tuple[dict[str, Any], dict[str, list[str]]]:
     limits, _, missing = collect_limits(spec.compile(), joints, ArmConfig.model_validate(table), path)
     table["limits"] = {key: [None if key.endswith("_deg") or value != value else float(value) for value in
                              limits.get(key, joints)] for key in missing}
-    return table, missing
+    return table, joints, missing
 
 
 def bundled_names(kind: str) -> list[str]:

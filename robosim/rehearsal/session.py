@@ -249,6 +249,6 @@ def _print(figures: dict, missed: list[str], folder: Path) -> None:
     if (figures.get("recorded_force_correlation") or 0.0) < OPPOSITE:
         print("the recorded force is opposite to the simulated one: is it that of the hand on the arm? Compared is the "
               "arm's on the hand")
-    for line in missed:
+    for line in missed or ["none"]:
         print(f"outside its bound: {line}")
     print(f"written to {folder}")

@@ -66,15 +66,16 @@ def read_urdf(root: ET.Element, path: Path, packages: Mapping[str, str]) -> mujo
 def locate_mesh(address: str, folder: Path, packages: Mapping[str, str], path: Path) -> Path:
     """Find the file of a mesh's address in a URDF; raises ConfigError with the places where it was looked for.
     folder: what plain names are relative to; packages: name -> folder. Other packages are folders beside or above the
-    URDF, or in ROS_PACKAGE_PATH, with that name or with a package.xml that says it."""
+    URDF, in ROS_PACKAGE_PATH or in share/ of AMENT_PREFIX_PATH, with that name or a package.xml that says it."""
     scheme, mark, rest = address.partition("://")
     name, _, inner = rest.partition("/")
-    ros = os.environ.get("ROS_PACKAGE_PATH", "")
+    ros = [Path(place) / below for variable, below in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"))
+           for place in os.environ.get(variable, "").split(os.pathsep) if place]
     places = [folder / address, folder / Path(address).name] if not mark else [Path(rest)] if scheme == "file" else []
     if scheme in ("package", "model") and name in packages:
         places = [Path(packages[name]) / inner]
     elif scheme in ("package", "model"):
-        above = [*path.resolve().parents, *(Path(place) for place in ros.split(os.pathsep) if place)]
+        above = [*path.resolve().parents, *ros]
         roots = [(root, root / "package.xml") for one in above for root in (one, one / name)]
         places = [root / inner for root, manifest in roots if root.name == name or (
             manifest.is_file() and f"<name>{name}</name>" in "".join(read_text(manifest).split()))]
@@ -83,7 +84,7 @@ def locate_mesh(address: str, folder: Path, packages: Mapping[str, str], path: P
             return place.resolve()
     raise ConfigError(f"{path}: mesh {address}: not found" + "".join(f", not as {place}" for place in places) +
                       "; accepted: a path, file://PATH, or package://NAME/PATH with a folder NAME beside or above the "
-                      "URDF, in ROS_PACKAGE_PATH, or of the key packages: {NAME: FOLDER}")
+                      "URDF, in ROS_PACKAGE_PATH or AMENT_PREFIX_PATH, or of the key packages: {NAME: FOLDER}")
 
 
 def read_speeds(path: Path) -> tuple[dict[str, float], set[str]]:

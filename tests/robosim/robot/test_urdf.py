@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,7 @@ def read(path: Path, **more: Any) -> Any:
     ("robots/Arm ü.urdf", "lab_description", "package://lab_description/"),
     ("renamed-main/urdf/a.urdf", "renamed-main", "model://lab_description/"),
     ("robots/a.urdf", "elsewhere/lab_description", "package://lab_description/"),
+    ("robots/a.urdf", "install/share/lab_description", "package://lab_description/"),
     ("robots/a.urdf", "my folder", "file://{root}/my folder/"), ("robots/a.urdf", "my folder", "../my folder/"),
 ])
 @pytest.mark.parametrize("by_key", [True, False])
@@ -51,6 +54,7 @@ def test_meshes_are_found_each_its_own(urdf: str, package: str, address: str, by
     (tmp_path / "arm.yaml").write_text(f"model: '{urdf}'\nflange: tool0\npackages: {{lab_description: {package}}}\n"
                                        f"limits: {{velocity: [1, null, null, null, null, null]}}\n")
     monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(["", str(tmp_path / "elsewhere")]))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
     monkeypatch.chdir("/")
     robot = load_arm(str(tmp_path / "arm.yaml")) if by_key else read(path, limits={"velocity": [1] + [None] * 5})
     model = compile_spec(Assembly(robot, None, None).build_spec())
@@ -113,12 +117,33 @@ def test_a_new_arms_file_says_what_to_fill_in(tmp_path: Path, capsys: pytest.Cap
     assert main(["new", "arm", str(path)]) == 0 and main(["new", "arm", str(path)]) == 2
     file = path.with_suffix(".yaml")
     out = capsys.readouterr().out
-    assert out == f"to fill in: limits.torque of q1\nto fill in: limits.velocity of q2, q4\n{file}\n"
+    assert out == (f"flange: tool0, at the end of q0, q1, q2, q3, q4, q5\nto fill in: limits.torque of q1\n"
+                   f"to fill in: limits.velocity of q2, q4\n{file}\n")
     with pytest.raises(ConfigError, match="has no torque of q1; velocity of q2, q4; accepted"):
         load_arm(str(file))
     assert "# To fill in: q2, q4; null: as in the model\n  velocity: [0.5, 1.5, null, 3.5" in file.read_text()
     file.write_text(re.sub("(velocity|torque): .*", r"\1: [7, 7, 7, 7, 7, 7]", file.read_text()))
     assert load_arm(str(file)).flange == "tool0" and load_arm(str(file)).torque.tolist() == [7.0] * 6
+    whole = write_urdf(tmp_path / "whole.urdf", ('velocity="0.5"', 'velocity="1"'))
+    assert main(["new", "arm", str(whole)]) == 0 and "to fill in" not in capsys.readouterr().out
+    assert load_arm(str(whole.with_suffix(".yaml"))).velocity.tolist() == [1.0, 1.5, 2.5, 3.5, 4.5, 5.5]
+
+
+def test_what_a_new_arm_cannot_be_made_of_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A package's folder is answered with its models, a macro with what expands it; a note is one line, too."""
+    visual = f'<visual><geometry>{BOX}</geometry></visual></link><link name="l0"'
+    path = write_urdf(tmp_path / "lab" / "urdf" / "a.urdf", ('</link><link name="l0"', visual))
+    (macro := tmp_path / "lab" / "a.urdf.xacro").write_text("<robot/>")
+    assert [main(["new", "arm", str(one)]) for one in (tmp_path / "lab", macro)] == [2, 2]
+    assert capsys.readouterr().err == (
+        f"robosim new: {tmp_path / 'lab'}: a folder; accepted: a model in it: {path}\n"
+        f"robosim new: {macro}: a macro of URDF files; accepted: what `xacro a.urdf.xacro > a.urdf` writes\n")
+    assert main(["rehearse", "spoon", "--set", f"robot={path}", "--out", str(tmp_path / "out")]) == 2
+    assert "or the path of a .yaml file of your own, which `robosim new arm MODEL` writes" in capsys.readouterr().err
+    assert not list((tmp_path / "lab").rglob("*.yaml"))
+    done = subprocess.run([sys.executable, "-m", "robosim", "new", "arm", path], capture_output=True, text=True)
+    note = "visual shapes are left out; pictures show those that collide"
+    assert done.returncode == 0 and done.stderr == f"robosim new: note: {path}: {note}\n"
 
 
 def test_a_continuous_joint_and_a_motor_say_their_limits(tmp_path: Path) -> None:
