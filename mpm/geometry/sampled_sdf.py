@@ -12,9 +12,10 @@ from mpm.geometry.shape import Shape, digest, sign
 
 
 @ti.func
-def trilinear_back(s: ti.template(), f, y, normal_bar, phi_bar):
+def trilinear_back(s: ti.template(), f, y, normal_bar, phi_bar, least: ti.template()):
     """Return the adjoint, times a spacing, of y (3,) in a cell of a lattice: of the distance there and of its normal.
-    s: the distances at the cell's eight corners. f (3,): the place in it, in spacings."""
+    s: the distances at the cell's eight corners. f (3,): the place in it, in spacings. least: difference [m] of the
+    distance over a spacing below which the normal is another one, which is taken to be constant."""
     x = [[once(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
     xy = [once(x[1][k] - x[0][k]) for k in range(2)]
     xz = [once(x[j][1] - x[j][0]) for j in range(2)]
@@ -28,6 +29,8 @@ def trilinear_back(s: ti.template(), f, y, normal_bar, phi_bar):
     slope[2] = (1 - f[0]) * (low + f[1] * yz[0]) + f[0] * (high + f[1] * yz[1])
     length = slope.norm(1e-12)
     slope_bar = (normal_bar - slope * (slope.dot(normal_bar) / (length * length))) / length
+    if length < least:
+        slope_bar = 0.0 * slope_bar
     bar = slope * phi_bar
     bar[0] += mixed[0] * slope_bar[1] + mixed[1] * slope_bar[2]
     bar[1] += mixed[0] * slope_bar[0] + mixed[2] * slope_bar[2]
@@ -120,7 +123,7 @@ class Lattice(Sampled):
     def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
         """Return the adjoint of y, exact for trilinear interpolation within a cell."""
         s, f, away = self.cell_at(y)
-        bar, far = trilinear_back(s, f, y, normal_bar, phi_bar), away.norm()
+        bar, far = trilinear_back(s, f, y, normal_bar, phi_bar, 0.0), away.norm()
         for d in ti.static(range(3)):
             bar[d] = bar[d] / self.spacing if away[d] == 0 else away[d] / far * phi_bar
         return bar

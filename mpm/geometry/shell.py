@@ -23,6 +23,9 @@ pressure of what would lie beyond it: it crushes the layer before the face, whic
 and in 2 s such a circulation takes 5 % of a gate's thrust. With this the thrust is right to 0.3 %."""
 LEAST_FACE = 0.5
 """Least cells of this kind, as at solids: with 0.01 the thrust of water on a ball is 13 % too small."""
+LEAST_SLOPE = 0.3
+"""Slope of the distance below which the normal is that of the lattice points about: on the diagonal of an inner edge
+the distance does not grow to the sides that a lattice's cell sees, and without a normal sand would leak there."""
 FAR = 1.0  # distance [m] outside the lattice
 
 
@@ -130,8 +133,13 @@ class Shell(Shape):
             low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
             high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
             n[2] = (1 - f[0]) * low + f[0] * high
-            n = n / n.norm(1e-12)
             nearest = ti.cast(u + 0.5, ti.i32)
+            if n.norm() < ti.static(LEAST_SLOPE * self.spacing):
+                for d in ti.static(range(3)):
+                    e = ti.Vector([int(c == d) for c in range(3)])
+                    n[d] = self.values[ti.min(nearest[d] + 1, shape[d] - 1) * e + nearest * (1 - e)] \
+                        - self.values[ti.max(nearest[d] - 1, 0) * e + nearest * (1 - e)]
+            n = n / n.norm(1e-12)
             sided = ti.cast(self.sided[nearest], ti.i32)
         return n, phi, sided
 
@@ -147,4 +155,4 @@ class Shell(Shape):
         u = ti.Vector([(y[d] - self.lower[d]) / self.spacing for d in range(3)])
         c = ti.max(ti.min(ti.cast(u, ti.i32), ti.Vector([self.shape[d] - 2 for d in range(3)])), 0)
         s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
-        return trilinear_back(s, u - c, y, normal_bar, phi_bar) / self.spacing
+        return trilinear_back(s, u - c, y, normal_bar, phi_bar, LEAST_SLOPE * self.spacing) / self.spacing

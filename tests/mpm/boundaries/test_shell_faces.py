@@ -6,6 +6,7 @@ import trimesh
 from field_parts import at
 
 import mpm
+from mpm.backend import ti
 from mpm.geometry.shell import SHELL_FACE
 
 CELL, SIDE = 0.01, 0.12
@@ -43,6 +44,24 @@ def test_the_usual_face_is_the_default() -> None:
     mesh = trimesh.creation.icosphere(1, 0.03)
     assert mpm.Shell.from_mesh(mesh, 1e-3).signature() == NAMED.signature()
     assert mpm.Shell.from_mesh(mesh, 1e-3, face_cells=0.51).signature() != NAMED.signature()
+
+
+def test_an_inner_edge_has_a_normal_on_its_diagonal() -> None:
+    """Also at points of the lattice, where the distance does not grow towards the middle along x or y alone."""
+    tube = trimesh.creation.box((0.06, 0.06, 0.06))
+    tube = trimesh.Trimesh(tube.vertices, tube.faces[np.abs(tube.triangles_center[:, 2]) < 0.029])
+    shell = mpm.Shell.from_mesh(tube, 1e-3).bake(CELL)
+
+    @ti.kernel
+    def normal_at(x: float, y: float) -> ti.types.vector(3, ti.f32):
+        return shell.at(ti.Vector([x, y, 0.0]))[0]
+
+    lattice = shell.lower[0] + shell.spacing * np.arange(shell.shape[0])
+    inside = lattice[(np.abs(lattice) > 0.005) & (np.abs(lattice) < 0.028)]
+    for place in (*inside, *inside[:-1] + 1e-5, *inside[1:] - 1e-5):
+        for sign in (1.0, -1.0):
+            expected = np.array([np.sign(place), sign * np.sign(place), 0.0]) / np.sqrt(2.0)
+            assert abs(np.array(normal_at(place, sign * place)) @ expected) > 0.7, place  # that of a wall, or the mean
 
 
 @pytest.mark.parametrize("face_cells", [0.3, 1.5, float("nan")])
