@@ -20,7 +20,7 @@ BASES = {"rehearsal": "spoon", "task": "SpoonPour", "material": "salt", "arm": "
 USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "material": "--material {}",
         "arm": "robosim rehearse spoon --set robot={}"}
 """Kind of file -> what takes it."""
-MODELS = (".urdf", ".xml", ".mjcf")
+MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
 FLANGES = ("tool0", "flange", "attachment_site", "ee_link", "tcp")
 """Usual names of the place where a hand is mounted, the most usual first."""
 
@@ -43,6 +43,8 @@ def run(options: argparse.Namespace) -> int:
     """Write the file."""
     kind, path, basis = options.kind, options.name, options.basis or BASES[options.kind]
     is_model = kind == "arm" and path.suffix.lower() in MODELS
+    if is_model and options.basis:
+        raise ConfigError(f"--from {options.basis} with a model, {path}; accepted: one of them")
     source = path if is_model else find_source(kind, basis)
     if path.suffix not in (".yaml", ".yml"):
         path = path.with_suffix(".yaml") if is_model else Path(f"{path}.yaml")
@@ -77,6 +79,7 @@ def draft_arm(path: Path) -> tuple[dict[str, Any], dict[str, list[str]]]:
     """Return what the model of an arm says for its file, and limit -> joints of which it does not; raises ConfigError.
     The flange is a site or body with a usual name, or else the last body behind the most joints."""
     from robosim.config.arm import ArmConfig
+    from robosim.config.table import validate
     from robosim.robot.mjspec import read_model
     from robosim.robot.robot import collect_limits, read_chain
 
@@ -88,7 +91,7 @@ def draft_arm(path: Path) -> tuple[dict[str, Any], dict[str, list[str]]]:
     flange = next((name for name in FLANGES if name in names), max(reversed(behind), key=behind.__getitem__))
     joints = tuple(joint.name for joint in read_chain(spec, flange, 0.0, path)[1])
     table: dict[str, Any] = {"model": path.name, "flange": flange, "payload": None}
-    limits, _, missing = collect_limits(spec.compile(), joints, ArmConfig.model_validate(table), path)
+    limits, _, missing = collect_limits(spec.compile(), joints, validate(table, path, ArmConfig), path)
     table["limits"] = {key: [None if key.endswith("_deg") or value != value else float(value) for value in
                              limits.get(key, joints)] for key in missing}
     return table, missing
