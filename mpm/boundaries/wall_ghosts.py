@@ -97,11 +97,15 @@ def lies_at_wall(fields: ti.template(), step: ti.template(), W, behind, ghost, a
     """Return whether the material at node W of a wall lies at it, in half of the rest of a stride at the latest, by the
     masses of this node, of the node behind and of the ghost.
     What is still on its way feels nothing: stopped where its nodes reach the wall, it would come to rest in the air.
-    approach: velocity [m/s] of node W towards the wall."""
+    approach: velocity [m/s] of node W towards the wall. Across a shell the masses say nothing: there the wall acts."""
     mass = fields.grid.nodes[W][3]
-    share = mass / ti.max(fields.grid.nodes[behind][3], 1e-30)
+    share = mass / ti.max(ghost_mass(fields.grid, behind, step.stamp), 1e-30)
     way = 0.5 * (step.stride - step.dt) / fields.cell * ti.max(approach, 0.0)
-    return distance_to_material(share) - way < WALL_GAP or ghost > CLOSE * mass
+    result = distance_to_material(share) - way < WALL_GAP or ghost > CLOSE * mass
+    if ti.static(len(fields.features.shells) > 0):
+        sides = [fields.shells.side[in_first_layer(fields.grid, I)] for I in (W, behind)]
+        result = result or sides[0] != sides[1]
+    return result
 
 
 @ti.func

@@ -112,8 +112,7 @@ def keep_inside(fields: ti.template(), x, axis: ti.template()):
 @ti.func
 def kept_off_walls(fields: ti.template(), axis: ti.template(), x, v, dt):
     """Return the velocity [m/s] along an axis with which what is at x [m] comes no closer to a wall than `BACKSTOP` in
-    dt [s], or no closer than it is; x, v: packs or numbers. What is so fast that it would pass the wall is left to
-    `keep_inside`, and reported."""
+    dt [s], or no closer than it is; x, v: packs or numbers."""
     table, room = ti.static((fields.parameters.walls, BACKSTOP * fields.cell))
     result = v
     if ti.static(not fields.features.periodic[axis]):
@@ -121,7 +120,6 @@ def kept_off_walls(fields: ti.template(), axis: ti.template(), x, v, dt):
             result = ti.max(result, ti.min((fields.corner + room - x) / dt, 0.0))
         if table[2 * axis + 1, 4] > 0:
             result = ti.min(result, ti.max((fields.corner + fields.span[axis] - room - x) / dt, 0.0))
-        result = ti.select(keep_inside(fields, x + dt * v, axis) == x + dt * v, result, v)
     return result
 
 

@@ -34,4 +34,4 @@ def test_a_grain_that_its_column_hides_stops_before_the_wall() -> None:
         solver.advance(solver.dt)
         assert solver.positions()[-1, 2] == pytest.approx(BACKSTOP * CELL, rel=1e-4)
         assert solver.ledger[1] == pytest.approx(np.concatenate(solver.momentum()) - before, rel=1e-5, abs=1e-12)
-        assert solver.ledger[1, 2] > 0 and solver.wall_impulse("z-").force == pytest.approx(solver.ledger[1, :3])
+        assert solver.ledger[1, 2] > 0 and solver.wall_impulse("z-").force == pytest.approx(-solver.ledger[1, :3])

@@ -119,8 +119,8 @@ def test_a_film_that_fails_costs_no_report(short: Path, tmp_path: Path, capsys: 
     """The report is there, and the exit status and the message say that the film is not."""
     out = tmp_path / "out"
     (out / "rehearsal.mp4.part").mkdir(parents=True)
-    for name in (".lock", "rehearsal.mp4.part/kept"):  # of an earlier run
-        (out / name).touch()
+    (out / "rehearsal.mp4.part" / "kept").touch()
+    (out / ".lock").touch()  # of an earlier run
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("robosim.base.output_folder.OutputFolder.clear", lambda *_: None)
         assert main(["rehearse", str(short), "--out", str(out)]) == 2
