@@ -35,8 +35,10 @@ def run(options: argparse.Namespace) -> int:
     check_task(options.task)
     from policies.demonstrations.export import export, export_lerobot
 
-    with options.settings.changed("tasks", options.task, options.out.parent) as task:
-        if options.format == "lerobot":
-            return export_lerobot(task, options.demos, options.out, obs=options.obs,
-                                  action_repeat=options.action_repeat, with_pictures=not options.no_pictures)
-        return export(task, options.demos, options.out, obs=options.obs, action_repeat=options.action_repeat)
+    folder = options.out.with_suffix("") if options.out.suffix in (".hdf5", ".h5") else options.out
+    given = {"obs": options.obs, "action_repeat": options.action_repeat}
+    if options.format == "minari":  # names the task's file, with which its environment is made again
+        with options.settings.changed("tasks", options.task, folder) as task:
+            return export(task, options.demos, options.out, **given)
+    with options.settings.changed("tasks", options.task, None) as task:
+        return export_lerobot(task, options.demos, options.out, **given, with_pictures=not options.no_pictures)

@@ -16,12 +16,10 @@ def evolve(training: Training) -> None:
     population, episodes = training.preset.options["population"], training.preset.episodes
     if episodes < population:
         raise mpm.InvalidValue(f"--episodes {episodes}; accepted: a generation or more, {population}")
-    search: Any
-    if state := training.load_checkpoint():
-        search = state["search"]
+    state = training.load_checkpoint()
+    search: Any = state["search"] if state else make_search(training)
+    if state:
         training.resume(state)
-    else:
-        search = make_search(training)
     while not training.is_over and training.env.count + population <= episodes:
         points = search.ask()
         search.tell(points, [-play(training.env, to_motion(training, point))[0] for point in points])

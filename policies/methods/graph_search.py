@@ -52,9 +52,8 @@ def search_with(training: Training, model: GraphModel, search: Any) -> None:
         costs = []
         for actions in motions:
             frames = list(model.predict_rollout(grains, model.tool_points(start, converter, actions)))
-            is_complete = len(frames) == converter.decisions
-            costs.append(cost(env.task, frames[-1], turn_angle(start.matrix, converter, actions))
-                         if is_complete else FAILED)
+            costs.append(FAILED if len(frames) != converter.decisions else
+                         cost(env.task, frames[-1], turn_angle(start.matrix, converter, actions)))
         search.tell(points, costs)
         play(training.env, motions[int(np.argmin(costs))])
         training.save_checkpoint(graph_model=model.state(), search=search)
@@ -66,8 +65,7 @@ def cost(task: Any, grains: np.ndarray, angle: float) -> float:
     away = np.sort(np.abs(grains - np.array(task.goal)) @ np.array(distance.weights))
     counted = max(1, task.grains.counted // task.grains.observe_every) if task.grains.elites else len(away)
     total = distance.total / distance.reference * float(away[:counted].mean())
-    turn = task.reward.get("turn")
-    if turn is not None:
+    if (turn := task.reward.get("turn")) is not None:
         total += turn.scale * abs(math.remainder(angle - math.radians(turn.angle_deg), 2.0 * math.pi))
     return total
 

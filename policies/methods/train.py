@@ -1,6 +1,5 @@
 """`robosim train`: learn a sub-task, with or without demonstrations."""
 
-import contextlib
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -16,7 +15,7 @@ from robosim.config.settings import Setting
 
 
 def train(method: str, task: str, out: Path, options: TrainingOptions, *, episodes: int | None = None,
-          obs: str | None = None, settings: Sequence[Setting] = (), page: Callable[..., object] | None = None) -> int:
+          obs: str | None = None, settings: Sequence[Setting] = (), page: Callable = lambda out: None) -> int:
     """Run a method in a folder to its end; return 0. A finished run is not repeated.
 
     episodes, obs: instead of the preset's. settings: in place of values of the method's file. page: writes a page of
@@ -44,13 +43,13 @@ def train(method: str, task: str, out: Path, options: TrainingOptions, *, episod
         training.folder.update_status("running")
         select_method(preset.learner)(training)
         training.finish()
-        if page is not None:
-            page(out)
+        page(out)
     except BaseException as error:
         print(f"{out}: {training.env.count} episodes finished; {training.stop(error)}", file=sys.stderr)
-        if page is not None:
-            with contextlib.suppress(OSError, mpm.MpmError):  # the error that ended the run is the one to report
-                page(out)
+        try:
+            page(out)
+        except Exception as failure:  # the error that ended the run is the one to raise
+            print(f"{out}: no page: {failure}", file=sys.stderr)
         raise
     finally:
         training.folder.close()

@@ -6,9 +6,11 @@ user's key is refused. Files to share are written by `policies.learners.policy_f
 import contextlib
 import hmac
 import io
+import os
 import pickle
 import random
 import secrets
+import tempfile
 import zipfile
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -29,13 +31,11 @@ MAX_CHECKPOINT = 16 * 2**30
 
 
 def pack(model: Any, **parts: Any) -> bytes:
-    """Return the file of a model (or None) with its replay buffer, the states of all random numbers, and other parts.
-    """
+    """Return the file of a model (or None) with its replay buffer, all random numbers' states, and other parts."""
     if model is not None:
         parts["actions"] = model.action_space.np_random.bit_generator.state
     state = {"python": random.getstate(), "numpy": np.random.get_state(),  # noqa: NPY002  (SB3 draws from it)
              "torch": torch.get_rng_state(), **parts}
-
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         archive.comment = b"0" * SIGNATURE
@@ -54,9 +54,12 @@ def sign(content: Any) -> bytes:
     """Return a signature with the key of this user, or with a passing one where no file can be kept."""
     path, key = Path(platformdirs.user_data_dir("robosim")) / "checkpoint.key", secrets.token_bytes(32)
     with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
         if not path.is_file():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write(path, lambda new: (new.touch(0o600), new.write_bytes(key)))
+            with tempfile.NamedTemporaryFile(buffering=0, dir=path.parent) as new, contextlib.suppress(FileExistsError):
+                new.write(key)
+                os.fsync(new)
+                os.link(new.name, path)  # where another process was first, its key holds
         key = path.read_bytes()
     return hmac.digest(key, content, "sha256").hex().encode()
 
@@ -70,12 +73,11 @@ def load(path: Path, kind: Any = None, env: Any = None, is_trusted: bool = False
             if not (is_trusted or hmac.compare_digest(sign(view[:-SIGNATURE]), bytes(view[-SIGNATURE:]))):
                 raise pickle.UnpicklingError("it was not written by this user's robosim here, and would execute code; "
                                              "--trust accepts it")
-        with zipfile.ZipFile(path) as archive:  # what its directory promises is checked before it is read
-            size = sum(member.file_size for member in archive.infolist())
-            most = min(MAX_CHECKPOINT, path.stat().st_size)
-            if size > most or any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
-                raise ValueError(f"{size} bytes when unpacked; accepted: up to {most}, not compressed")
-            parts = {member.filename: archive.read(member) for member in archive.infolist()}
+            with zipfile.ZipFile(file) as archive:  # of the file that was checked; first what its directory promises
+                size, most = sum(member.file_size for member in archive.infolist()), min(MAX_CHECKPOINT, len(view))
+                if size > most or any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
+                    raise ValueError(f"{size} bytes when unpacked; accepted: up to {most}, not compressed")
+                parts = {member.filename: archive.read(member) for member in archive.infolist()}
         model = None
         if kind is not None:
             model = kind.load(io.BytesIO(parts["model.zip"]), env=env, device="cpu", force_reset=False)

@@ -175,6 +175,9 @@ class Training:
         if not self.folder.checkpoint.is_file():
             return {}
         self.model, parts = checkpoint.load(self.folder.checkpoint, kind, env, self.options.trust)
+        if isinstance(parts.get("search"), bytes):
+            raise mpm.InvalidValue(f"{self.folder.checkpoint}: its search has the form of an earlier version; remove "
+                                   f"it to begin the run anew")
         return parts
 
     def save_checkpoint(self, **parts: Any) -> None:

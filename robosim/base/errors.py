@@ -61,8 +61,8 @@ class DoubledFaces(RobosimWarning):
     """A mesh has faces twice; each is read once."""
 
 
-def note(text: str, shown: set[str] = set()) -> None:  # noqa: B006
+def note(text: str, kind: type[RobosimWarning] = RobosimWarning, shown: set[str] = set()) -> None:  # noqa: B006
     """Warn, once of a text, in one line: Python shows no place in our code."""
     if text not in shown:
         shown.add(text)
-        warnings.warn_explicit(text, RobosimWarning, "robosim", 0)
+        warnings.warn_explicit(text, kind, "robosim", 0)

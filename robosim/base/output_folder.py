@@ -36,14 +36,15 @@ def aligned(lines: list[list[str]]) -> str:
 class OutputFolder:
     """The folder given as `--out`, checked before any work and kept from other processes as long as this lives.
 
-    In a `with` statement status.json says how far the work has come: "running", then "finished", "interrupted" or
-    "failed". Raises ConfigError where the folder cannot be written, another process is at work there, or, unless it is
-    shared, it has files and is none of an earlier run."""
+    In a `with` statement status.json of one that is not shared says how far the work has come: "running", then
+    "finished", "interrupted" or "failed". Raises ConfigError where the folder cannot be written, another process is at
+    work there, or, unless it is shared, it has files and is none of an earlier run."""
 
     def __init__(self, path: Path, is_shared: bool = False) -> None:
-        self.path, self._status = path, contextlib.ExitStack()
+        self.path, self._status, self._is_shared = path, contextlib.ExitStack(), is_shared
         try:
             path.mkdir(parents=True, exist_ok=True)
+            self._is_marked = (path / LOCK).exists() or not is_shared
             others = sorted(one.name for one in path.iterdir() if one.name[0] != "." and one.name != LOG)
             if others and not (is_shared or (path / LOCK).exists() or (path / STATUS).exists()):
                 raise ConfigError(f"--out {path}: holds other files, such as {others[0]}; accepted: a new or empty "
@@ -58,18 +59,19 @@ class OutputFolder:
         remove_temporary(path)
 
     def __enter__(self) -> "OutputFolder":
-        self._status.enter_context(keep_status(self.path))
+        self._status.callback(self.release)
+        if not self._is_shared:
+            self._status.enter_context(keep_status(self.path))
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        try:
-            self._status.__exit__(kind, error, trace)
-        finally:
-            self.release()
+        self._status.__exit__(kind, error, trace)
 
     def release(self) -> None:
-        """Let others work in the folder."""
+        """Let others work in the folder, which gets no mark of a folder of results by being shared."""
+        if not self._is_marked:
+            (self.path / LOCK).unlink(missing_ok=True)
         self._lock.release()
 
     def write(self, name: str, writer: Callable[[Path], object]) -> Path:

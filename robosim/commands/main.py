@@ -2,10 +2,12 @@
 
 import argparse
 import errno
+import os
 import signal
 import sys
 import threading
 import time
+import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -78,8 +80,7 @@ def interrupts() -> Iterator[list[int]]:
     """Raise KeyboardInterrupt on each of SIGNALS that is not ignored or handled by others; give those received.
     It is raised again every REPEAT seconds unless it is being handled: a bare `except` of a library, or a finalizer,
     may have discarded it."""
-    received: list[int] = []
-    began: list[float] = []
+    received, began = list[int](), list[float]()
 
     def interrupt(number: int, frame: object) -> None:
         now = time.monotonic()
@@ -139,13 +140,16 @@ def run_command(arguments: list[str] | None) -> int:
         if getattr(options, "material", None) is not None:
             config_path("materials", options.material, "material")
         return options.run(options)
-    except (RobosimError, mpm.MpmError) as error:
+    except (RobosimError, mpm.MpmError, OSError) as error:  # after an OSError files under their names are whole
         print(f"robosim {options.command}: {error}", file=sys.stderr)
-        is_run = isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged))
+        is_run = isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged, OSError))
         return 1 if is_run or is_disk_full(error) else 2
-    except OSError as error:  # a full disk, a folder that was removed: files under their names are whole
-        print(f"robosim {options.command}: {error}", file=sys.stderr)
-        return 1
+    except (AttributeError, ImportError, RuntimeError) as error:
+        if not any(frame.filename.endswith("gl_context.py") for frame in traceback.extract_tb(error.__traceback__)):
+            raise  # else MuJoCo's import of what draws has failed
+        print(f"robosim {options.command}: MUJOCO_GL={os.environ['MUJOCO_GL']}: cannot be loaded ({error}); accepted: "
+              f"disable, or egl, osmesa or glfw where that is installed", file=sys.stderr)
+        return 2
     except KeyboardInterrupt as error:
         after = getattr(options, "after_interrupt", "")
         print(f"robosim {options.command}: {describe_end(error)}{'; ' if after else ''}{after}", file=sys.stderr)

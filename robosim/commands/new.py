@@ -45,6 +45,8 @@ def run(options: argparse.Namespace) -> int:
     if kind == "arm" and path.is_dir() and (models := sorted(str(model) for model in path.rglob("*.urdf"))):
         raise ConfigError(f"{path}: a folder; accepted: a model in it: {', '.join(models)}")
     is_model = kind == "arm" and path.suffix.lower() in MODELS
+    if is_model and options.basis:
+        raise ConfigError(f"--from {options.basis} with a model, {path}; accepted: one of them")
     source = path if is_model else find_source(kind, basis)
     if path.suffix not in (".yaml", ".yml"):
         path = path.with_suffix(".yaml") if is_model else Path(f"{path}.yaml")
@@ -81,6 +83,7 @@ def draft_arm(path: Path) -> tuple[dict[str, Any], tuple[str, ...], dict[str, li
     """Return what the model of an arm says for its file, its joints, and limit -> joints of which it does not say it.
     The flange is a site or body with a usual name, or else the last body behind the most joints; raises ConfigError."""
     from robosim.config.arm import ArmConfig
+    from robosim.config.table import validate
     from robosim.robot.mjspec import read_model
     from robosim.robot.robot import collect_limits, read_chain
 
@@ -92,7 +95,7 @@ def draft_arm(path: Path) -> tuple[dict[str, Any], tuple[str, ...], dict[str, li
     flange = next((name for name in FLANGES if name in names), max(reversed(behind), key=behind.__getitem__))
     joints = tuple(joint.name for joint in read_chain(spec, flange, 0.0, path)[1])
     table: dict[str, Any] = {"model": path.name, "flange": flange, "payload": None}
-    limits, _, missing = collect_limits(spec.compile(), joints, ArmConfig.model_validate(table), path)
+    limits, _, missing = collect_limits(spec.compile(), joints, validate(table, path, ArmConfig), path)
     table["limits"] = {key: [None if key.endswith("_deg") or value != value else float(value) for value in
                              limits.get(key, joints)] for key in missing}
     return table, joints, missing

@@ -38,7 +38,8 @@ GrainsPerCell = Annotated[float, Field(ge=1.0, le=64.0)]
 Weight = Annotated[float, Field(ge=-1e6, le=1e6)]
 PositiveWeight = Annotated[float, Field(ge=1e-6, le=1e6)]
 # Per-joint limits and gains: a hobby servo has 0.1 N m/rad, the largest industrial arms 1e6; Ruckig takes up to 1e6.
-JointValue = Annotated[float, Field(ge=1e-3, le=1e6)]
+JOINT_RANGE = 1e-3, 1e6
+JointValue = Annotated[float, Field(ge=JOINT_RANGE[0], le=JOINT_RANGE[1])]
 # A thousandth of a joint's speed, or of the grains, is the least that anybody means.
 Share = Annotated[float, Field(ge=1e-3, le=1.0)]
 # Ends of a range of any number of a task; each has a domain of its own, such as moduli of up to 1e12 Pa.

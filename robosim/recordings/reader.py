@@ -2,15 +2,17 @@
 
 import json
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import Annotated, Any, BinaryIO, TypeVar
 
 import numpy as np
 import pydantic
 import zstandard
 
 from robosim.base.errors import ConfigError
+from robosim.config.bounds import MAX_ENTRIES
 from robosim.config.table import describe, list_errors
 from robosim.recordings.frames import KEY_INTERVAL, GrainCodec, GrainState, SceneState, unpack_scene
 from robosim.recordings.header import VERSION, RecordingHeader, WaypointEntry
@@ -18,16 +20,16 @@ from robosim.recordings.writer import APPEARANCE, BLOCK, GRAINS, HEADER, MAGIC, 
 
 FILE = "recording.rec"
 """Name of a recording in the folder of a run."""
-MOST_SCENE, MOST_GROUP, KEPT_GROUPS = 1 << 28, 1 << 28, 2
-"""Bytes, unpacked, of all that is kept besides frames; of a group of frames, from one with whole positions to the next
-(1.3 million grains); and how many groups are kept. A small file could fill the memory otherwise."""
-WAYPOINT_LIST = pydantic.TypeAdapter(list[WaypointEntry])
+MOST_TEXT, MOST_SCENE, MOST_GROUP, KEPT_GROUPS = 1 << 22, 1 << 28, 1 << 28, 2
+"""Bytes, unpacked, of all JSON; of all else besides frames; of a group of frames, from one with whole positions to the
+next (1.3 million grains); and how many groups are kept. A small file could fill the memory otherwise."""
+WAYPOINT_LIST = pydantic.TypeAdapter(Annotated[list[WaypointEntry], pydantic.Field(max_length=MAX_ENTRIES)])
 T = TypeVar("T")
 Block = tuple[int, int]
 """Where the content of a block lies in the file: its first byte, and its size."""
 
 
-class Recording:
+class Recording(AbstractContextManager["Recording"]):
     """A recording, opened for reading, also while it is still written.
 
     Raises ConfigError for what is no recording, one of another version, or a damaged one. One that was cut short, as by
@@ -44,7 +46,7 @@ class Recording:
         self.waypoints: list[WaypointEntry] = []
         """Those of the header, and those that were known later."""
         self._header: RecordingHeader | None = None
-        self._room = MOST_SCENE
+        self._room = {True: MOST_TEXT, False: MOST_SCENE}
         self._scenes: list[Block] = []
         self._grains: list[Block] = []
         self._unpack = lru_cache(KEPT_GROUPS)(self._unpack_group)
@@ -92,8 +94,8 @@ class Recording:
         if kind in (SCENE, GRAINS):
             (self._scenes if kind == SCENE else self._grains).append(place)
             return
-        content = self._content(place, self._room)
-        self._room -= len(content)
+        content = self._content(place, self._room[kind in (HEADER, WAYPOINTS)])
+        self._room[kind in (HEADER, WAYPOINTS)] -= len(content)
         if kind == HEADER:
             self._header = self._parse_header(content)
             self.waypoints += self._header.waypoints
@@ -159,13 +161,12 @@ class Recording:
     def _parse_header(self, content: bytes) -> RecordingHeader:
         try:
             values = json.loads(content)
-        except ValueError:
+        except (ValueError, RecursionError):
             raise ConfigError(f"{self.path}: its header is not JSON; record the run again") from None
-        version = values.get("version") if isinstance(values, dict) else None
+        version, commit = map(values.get, ("version", "commit")) if isinstance(values, dict) else (None, "unknown")
         if version != VERSION:
             raise ConfigError(f"{self.path}: recording of version {version}; accepted: {VERSION}; record the run again "
-                              f"with this robosim, or view it with the one that wrote it (commit "
-                              f"{values.get('commit') if isinstance(values, dict) else 'unknown'})")
+                              f"with this robosim, or view it with the one that wrote it (commit {commit})")
         return self._parse(RecordingHeader.model_validate, values)
 
     def _parse(self, validate: Callable[[Any], T], values: Any) -> T:
@@ -174,9 +175,6 @@ class Recording:
         except pydantic.ValidationError as error:
             text = list_errors(error, values, lambda e: describe(e, RecordingHeader))
             raise ConfigError(f"{self.path}: header: {text}") from None
-
-    def __enter__(self) -> "Recording":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

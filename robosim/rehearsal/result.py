@@ -97,11 +97,11 @@ class Result:
         if self.missed and "MISSED_BOUNDS" not in path.stem:
             path = path.with_name(f"{path.stem}_MISSED_BOUNDS{path.suffix}")
         given = {"joint_prefix": joint_prefix, "joint_names": joint_names or {}, "frame_id": frame_id}
-        names = self.config.joint_trajectory
-        if any(given.values()):
-            names = validate(given, Path("export_ros2"), JointTrajectoryConfig)
-        out, rest = OutputFolder(path.parent, is_shared=True), self.config.grasp_time
+        names = validate(given, Path("export_ros2"), JointTrajectoryConfig) if any(given.values()) else \
+            self.config.joint_trajectory
+        rest, files = self.config.grasp_time, dict[str, dict]()
         closing = [(0.0, False), (CLOSING_SHARE * rest, True)]
+        motions = {"": (self._motion, rest, closing)}
         if self.config.pick is not None:
             picking = [(0.0, False), *((self._closes + time, is_closed) for time, is_closed in closing)]
             if np.isfinite(self._opens):
@@ -109,14 +109,13 @@ class Result:
             motions = {"": (self._motion, rest, picking), "_approach": (self._approach, 0.0, [(0.0, False)])}
         elif self._approach is not None:
             motions = {"": (self._motion, rest, [(0.0, True)]), "_approach": (self._approach, rest, closing)}
-        else:
-            motions = {"": (self._motion, rest, closing)}
         for part, (motion, start, changes) in motions.items():
             if motion is None:
                 continue
-            message = make_joint_trajectory(motion, self._assembly.robot.joints, names, start=start)
-            out.write_yaml(f"{path.stem}{part}{path.suffix}", message)
+            files[part] = make_joint_trajectory(motion, self._assembly.robot.joints, names, start=start)
             if self._assembly.hand is not None:
-                commands = make_gripper_commands(self._assembly.hand, changes)
-                out.write_yaml(f"{path.stem}{part}_gripper{path.suffix}", commands)
+                files[f"{part}_gripper"] = make_gripper_commands(self._assembly.hand, changes)
+        with OutputFolder(path.parent, is_shared=True) as out:
+            for part, content in files.items():
+                out.write_yaml(f"{path.stem}{part}{path.suffix}", content)
         return path

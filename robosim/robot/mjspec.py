@@ -24,8 +24,6 @@ def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.
     packages: folders of ROS packages by name. Raises ConfigError with MuJoCo's reason for what cannot be read."""
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; accepted: a model of MuJoCo (MJCF) or a URDF")
-    if path.suffix.lower() == ".xacro":
-        raise ConfigError(f"{path}: a macro of URDF files; accepted: what `xacro {path.name} > {path.stem}` writes")
     root = parse_model(path)
     try:
         spec = read_urdf(root, path, packages or {}) if root.tag == "robot" else mujoco.MjSpec.from_file(str(path))

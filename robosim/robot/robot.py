@@ -16,15 +16,17 @@ from mpm import Pose
 from robosim.base.errors import ConfigError, UnknownName, note
 from robosim.base.resources import part_path
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig, ArmServo
+from robosim.config.bounds import JOINT_RANGE
 from robosim.config.table import load
 from robosim.robot.mjspec import locate_model, read_model
-from robosim.robot.urdf import read_speeds
+from robosim.robot.urdf import read_limits
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
 """Times [s] in which a joint is assumed to reach its largest speed, and its largest acceleration."""
 DRIVES = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 CONFIGURED, ASSUMED = "configuration", "assumed"
+LEAST_RATE = 1e-9  # above rounding: a tendon within a hand has some of the arm's joints
 
 @dataclass(frozen=True)
 class Robot:
@@ -85,12 +87,16 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     if missing:
         lacking = "; ".join(f"{key} of {', '.join(joints)}" for key, joints in missing.items())
         raise ConfigError(f"{path}: has no {lacking}; accepted: all four of a URDF's <limit>, range and an actuator's "
-                          f"forcerange in an MJCF, or the keys of `limits` in the arm's file")
+                          f"forcerange in an MJCF, {JOINT_RANGE[0]:g} to {JOINT_RANGE[1]:g}; or the keys of `limits` "
+                          f"in the arm's file")
     if not np.any(model.geom_contype | model.geom_conaffinity):
         note(f"{path}: no shape of it collides; hand and tool alone keep clear of things")
     write_limits(spec, joints, limits)
     types, middle = [joint.type for joint in joints], (limits["lower"] + limits["upper"]) / 2.0
     home = middle if config.home_deg is None else to_si(names, types, config.home_deg, "home_deg", path)
+    for key, gains in config.servo or ():
+        if key in ("stiffness", "damping") and gains is not None:
+            per_joint(names, gains, f"servo.{key}", path)
     if np.any(home < limits["lower"]) or np.any(home > limits["upper"]):
         k = int(np.argmax(np.maximum(limits["lower"] - home, home - limits["upper"])))
         raise ConfigError(f"{path}: home_deg: joint {names[k]} = {home[k]:.4g}; accepted: {limits['lower'][k]:.4g} to "
@@ -149,8 +155,7 @@ def place_site(spec: mujoco.MjSpec, name: str, own: Pose, what: str) -> list[Any
 def exclude_contacts(spec: mujoco.MjSpec, bodies: list[Any], names: tuple[str, ...],
                      home: np.ndarray) -> tuple[tuple[str, ...], ...]:
     """Exclude contacts that no posture can avoid: of the base with the first link, and of what touches at home.
-    Returns the pairs of the latter. MuJoCo leaves contacts of parent and child out, but not those of a static parent.
-    """
+    Returns the pairs of the latter. MuJoCo excludes contacts of parent and child, but not of a static parent."""
     moving = next(body for body in bodies if body.joints)
     for static in bodies[: bodies.index(moving)]:
         spec.add_exclude(bodyname1=static.name, bodyname2=moving.name)
@@ -198,11 +203,11 @@ def check_couplings(model: mujoco.MjModel, names: list[str], path: Path) -> None
     data.qpos[places] += rng.uniform(0.1, 0.2, len(names))
     data.qvel[dofs] = rng.uniform(0.1, 0.2, len(names))
     mujoco.mj_forward(model, data)
-    held = data.efc_id[(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (np.abs(data.efc_vel) > 1e-9)]
-    driven = [k for k in np.flatnonzero(data.actuator_velocity)
+    held = data.efc_id[(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (np.abs(data.efc_vel) > LEAST_RATE)]
+    driven = [k for k in np.flatnonzero(np.abs(data.actuator_velocity) > LEAST_RATE)
               if not (model.actuator_trntype[k] in DRIVES and model.actuator_trnid[k, 0] in joints)]
-    for kind, part, found in (("equality", model.eq, held), ("tendon", model.tendon, np.flatnonzero(data.ten_velocity)),
-                              ("actuator", model.actuator, driven)):
+    for kind, part, found in (("tendon", model.tendon, np.flatnonzero(np.abs(data.ten_velocity) > LEAST_RATE)),
+                              ("equality", model.eq, held), ("actuator", model.actuator, driven)):
         if len(found):
             raise ConfigError(f"{path}: {kind} {part(int(found[0])).name or found[0]} acts on joints of the arm; "
                               f"accepted: joints without <mimic>, which only their motors move")
@@ -213,7 +218,7 @@ def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmCon
     """Return the limits of joints, NaN where nothing says them, the source of each, and key -> joints without it."""
     given, sources, missing = config.limits, dict[str, str](), dict[str, list[str]]()
     index = [model.joint(name).id for name in names]
-    types, (speeds, continuous) = model.jnt_type[index], read_speeds(path)
+    types, (speeds, efforts, continuous) = model.jnt_type[index], read_limits(path)
 
     def choose(key: str, other: np.ndarray, source: str = "model") -> np.ndarray:
         """The configured values, or those of another source where there are none."""
@@ -234,8 +239,10 @@ def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmCon
         k = int(np.argmax(lower >= upper))
         raise ConfigError(f"{path}: joint {names[k]} ranges from {lower[k]:.4g} to {upper[k]:.4g}; accepted: from less "
                           f"to more")
-    torque = choose("torque", read_torques(model, index))
-    velocity = choose("velocity", np.array([speeds.get(name, np.nan) for name in names]))
+    said = np.array([[values.get(name, np.nan) for name in names] for values in (efforts, speeds)])
+    said[0] = said[0] if efforts else read_torques(model, index)
+    said[(said < JOINT_RANGE[0]) | (said > JOINT_RANGE[1])] = np.nan
+    torque, velocity = choose("torque", said[0]), choose("velocity", said[1])
     acceleration = choose("acceleration", velocity / TO_FULL_SPEED, ASSUMED)
     jerk = choose("jerk", velocity / (TO_FULL_SPEED * TO_FULL_ACCELERATION) if given.acceleration is None else
                   acceleration / TO_FULL_ACCELERATION, ASSUMED)

@@ -4,11 +4,11 @@ import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
 import mujoco
-import numpy as np
 
 from robosim.base.errors import ConfigError, note
 from robosim.base.input_files import read_text
@@ -18,10 +18,20 @@ READABLE = (".stl", ".obj", ".msh")
 
 
 def parse_model(path: Path) -> ET.Element:
-    """Parse an MJCF or URDF file; raises ConfigError for what is not XML."""
-    try:  # MuJoCo takes comments with -- in them, which XML does not
-        return ET.fromstring(re.sub("<!--.*?-->", "", read_text(path, 50_000_000), flags=re.DOTALL))
+    """Parse an MJCF or URDF file, one of xacro expanded; raises ConfigError. An MJCF that is not XML gives an empty
+    element, for MuJoCo reads more than XML, such as a bare &, and says what it does not read."""
+    text = re.sub("<!--.*?-->", "", read_text(path, 50_000_000), flags=re.DOTALL)  # MuJoCo takes some with -- in them
+    try:
+        if path.suffix.lower() == ".xacro" or "<xacro:" in text:
+            text = import_module("xacro").process_file(str(path)).toxml()
+    except Exception as error:  # expressions of the file are executed
+        raise ConfigError(f"{path}: xacro: {' '.join(str(error).split())}; accepted: the URDF that `xacro {path.name}` "
+                          f"prints, or a xacro file after `pip install xacro`") from None
+    try:
+        return ET.fromstring(text.lstrip())
     except ET.ParseError as error:
+        if path.suffix.lower() != ".urdf" and "<robot" not in text:
+            return ET.Element("mujoco")
         raise ConfigError(f"{path}: cannot be read as a model: it is not XML: {error}") from None
 
 
@@ -78,24 +88,25 @@ def locate_mesh(address: str, folder: Path, packages: Mapping[str, str], path: P
         above = [*path.resolve().parents, *ros]
         roots = [(root, root / "package.xml") for one in above for root in (one, one / name)]
         places = [root / inner for root, manifest in roots if root.name == name or (
-            manifest.is_file() and f"<name>{name}</name>" in "".join(read_text(manifest).split()))]
+            os.path.isfile(manifest) and f"<name>{name}</name>" in "".join(read_text(manifest).split()))]
     for place in places:
-        if place.is_file():
+        if os.path.isfile(place):  # False for a name that is too long
             return place.resolve()
     raise ConfigError(f"{path}: mesh {address}: not found" + "".join(f", not as {place}" for place in places) +
                       "; accepted: a path, file://PATH, or package://NAME/PATH with a folder NAME beside or above the "
-                      "URDF, in ROS_PACKAGE_PATH or AMENT_PREFIX_PATH, or of the key packages: {NAME: FOLDER}")
+                      "URDF, in ROS_PACKAGE_PATH or AMENT_PREFIX_PATH, or of the key packages: {NAME: FOLDER} of a "
+                      ".yaml file")
 
 
-def read_speeds(path: Path) -> tuple[dict[str, float], set[str]]:
-    """Return the speed limits above zero [rad/s], [m/s] of a URDF's joints, and the names of the continuous ones."""
-    speeds, root = dict[str, float](), parse_model(path)
+def read_limits(path: Path) -> tuple[dict[str, float], dict[str, float], set[str]]:
+    """Return speeds and efforts of a URDF's joints, zero where it has none, and the names of the continuous ones; of an
+    MJCF nothing. Raises ConfigError. MuJoCo reads no speeds, and efforts without their sign."""
+    limits, root = (dict[str, float](), dict[str, float]()), parse_model(path)
     for joint in root.findall("joint"):
-        name, limit = joint.get("name", ""), joint.find("limit")
-        text = "0" if limit is None else limit.get("velocity", "0")
-        try:
-            speeds[name] = float(text)
-        except ValueError:
-            raise ConfigError(f"{path}: joint {name}: velocity = {text!r}; accepted: a number [rad/s], [m/s]") from None
-    return ({name: speed for name, speed in speeds.items() if 0.0 < speed < np.inf},
-            {joint.get("name", "") for joint in root.findall("joint[@type='continuous']")})
+        name, limit = joint.get("name", ""), getattr(joint.find("limit"), "attrib", {})
+        for key, values in zip(("velocity", "effort"), limits):
+            try:
+                values[name] = float(limit.get(key, "0"))
+            except ValueError:
+                raise ConfigError(f"{path}: joint {name}: {key} = {limit[key]!r}; accepted: a number") from None
+    return *limits, {joint.get("name", "") for joint in root.findall("joint[@type='continuous']")}

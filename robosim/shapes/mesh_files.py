@@ -3,14 +3,13 @@
 A closed part is a solid, an open one the middle of a wall. What is wrong with a file is refused by name, because a tool
 that leaks or holds the wrong volume looks right in every picture."""
 
-import warnings
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from robosim.base.errors import ConfigError, DoubledFaces
+from robosim.base.errors import ConfigError, DoubledFaces, note
 from robosim.shapes.self_cuts import check_intersections
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb")
@@ -37,17 +36,14 @@ def read_parts(path: Path, thickness: float | None = None, scale: float = 1.0) -
                           f"thickness, or a closed mesh without")
     solids = []
     for part in parts:
-        if thickness is None or part.is_watertight:
-            check_closed(part, path)
-            check_intersections(part, path)
-            solids.append(part)
-        else:
+        what = ()
+        if thickness is not None and not part.is_watertight:
             check_surface(part, path)
-            wall = thicken(part, thickness)
-            check_closed(wall, path)
-            check_intersections(wall, path, f"its wall of {1e3 * thickness:g} mm: thinner, or a surface without narrow "
-                                            f"places")
-            solids.append(wall)
+            part = thicken(part, thickness)
+            what = (f"its wall of {1e3 * thickness:g} mm: thinner, or a surface without narrow places",)
+        check_closed(part, path)
+        check_intersections(part, path, *what)
+        solids.append(part)
     alike = [np.append(solid.bounds, solid.moment_inertia / solid.volume) for solid in solids]
     if len(trimesh.grouping.unique_rows(alike, digits=6)[0]) < len(solids):
         raise ConfigError(f"{path}: {len(solids)} parts, of which some are the same solid; accepted: each part once")
@@ -136,8 +132,8 @@ def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     mesh.update_faces(np.all(np.diff(np.sort(mesh.faces, axis=1), axis=1) > 0, axis=1))
     once = mesh.unique_faces()
     if not once.all():
-        warnings.warn(DoubledFaces(f"{path}: {int((~once).sum())} of {len(once)} faces join the same corners as "
-                                   f"another face; each is read once"), stacklevel=1)
+        note(f"{path}: {int((~once).sum())} of {len(once)} faces join the same corners as another face; each is read "
+             f"once", DoubledFaces)
         mesh.update_faces(once)
     mesh.remove_unreferenced_vertices()
     return mesh
@@ -187,8 +183,7 @@ def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
     """Make the wall about a surface, closed along its rim."""
     normals, count = mesh.vertex_normals, len(mesh.vertices)
     vertices = np.concatenate([mesh.vertices + 0.5 * thickness * normals, mesh.vertices - 0.5 * thickness * normals])
-    directed = mesh.edges[trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)]
-    a, b = directed.T
+    a, b = mesh.edges[trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)].T
     rim = np.concatenate([np.column_stack([b, a, a + count]), np.column_stack([b, a + count, b + count])])
     faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, rim])
     return trimesh.Trimesh(vertices, faces, process=False)

@@ -7,10 +7,11 @@ import tempfile
 import time as clock
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from robosim.base.errors import ConfigError, RobosimError
 from robosim.config.settings import Setting
-from robosim.recordings.reader import FILE, Recording, find_recordings
+from robosim.recordings.reader import Recording, find_recordings
 from robosim.tasks.task import is_task
 from robosim.viewer.playback import Playback
 from robosim.viewer.server import open_server, stop_server
@@ -29,22 +30,20 @@ def view(what: str, *, port: int, plan: bool = False, material: str | None = Non
     plan: the planned motion of a rehearsal. material, out, settings: of a rehearsal that is begun, whose results go
     into the folder `out`; None: a temporary one. Raises ConfigError for what cannot be shown or served, RunFailed."""
     with contextlib.ExitStack() as stack:
-        editor = recording = None
         if plan:
             from robosim.rehearsal.browser.plan_editor import PlanEditor
 
-            editor = PlanEditor(what, settings or [])
+            show = PlanEditor(what, settings or []).run
         else:
             path = find_recordings(Path(what))[0] if is_recorded(what) else \
                 stack.enter_context(begin_run(what, material, out, settings or []))
             recording = stack.enter_context(Recording(path))
+            def show(server: Any) -> None:
+                Playback(server, recording).run()
         server, address = open_server(port)
         stack.callback(stop_server, server)
         print(f"{address}   (Ctrl-C ends it)", flush=True)
-        if editor is not None:
-            editor.run(server)
-        elif recording is not None:
-            Playback(server, recording).run()
+        show(server)
     return 0
 
 
@@ -57,8 +56,8 @@ def is_recorded(what: str) -> bool:
 def begin_run(name: str, material: str | None, out: Path | None, settings: list[Setting]) -> Iterator[Path]:
     """Begin a rehearsal, or an episode of a sub-task's script, in a process of its own; give its recording at once.
     The process is ended with the viewer. Raises RunFailed, and ConfigError for a folder with a recording, which would
-    be lost."""
-    kept = [path for path in (out / FILE, out / f"{FILE}.part") if path.exists()] if out else []
+    be lost or shown."""
+    kept = [path for end in ("*.rec", "*.rec.part") for path in out.glob(end)] if out else []
     if kept:
         raise ConfigError(f"--out {out}: holds {kept[0].name} of another run; accepted: another folder, or `robosim "
                           f"view {out}` to show that run")

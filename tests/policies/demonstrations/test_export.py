@@ -18,9 +18,7 @@ h5py = pytest.importorskip("h5py")
 ACTION_REPEAT, STEPS = 250, 4
 STEP_DATASETS = {"actions": (STEPS, 3), "rewards": (STEPS,), "terminations": (STEPS,), "truncations": (STEPS,)}
 """Datasets of an episode's group in Minari's layout, with a row a step; observations have one more.
-
-Source: https://minari.farama.org/content/dataset_standards/, section HDF5 format.
-"""
+Source: https://minari.farama.org/content/dataset_standards/, section HDF5 format."""
 
 
 def write_demonstrations(folder: Path) -> list[np.ndarray]:

@@ -75,9 +75,11 @@ def test_training_that_has_no_checkpoint_says_so(tmp_path, point: str, monkeypat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(stand_ins.PointEnv, "step", step)
+    monkeypatch.setattr("policies.results.run_page.write_run_page", lambda out: int("a page"))
     assert main(["train", "ppo", point, "--episodes", "8", "--out", str(tmp_path)]) == 130
-    assert "0 episodes finished; there is no checkpoint yet: the same command begins again" in capsys.readouterr().err
-    assert read_status(tmp_path) == "interrupted" and not (tmp_path / "checkpoint.zip").exists()
+    said = capsys.readouterr().err
+    assert "0 episodes finished; there is no checkpoint yet: the same command begins again" in said
+    assert "no page: " in said and read_status(tmp_path) == "interrupted" and not (tmp_path / "checkpoint.zip").exists()
 
 
 def test_a_checkpoint_is_written_as_often_as_is_asked(tmp_path, point: str, monkeypatch) -> None:

@@ -48,8 +48,7 @@ WRONG = {
            ("rehearsal", "rehearse no.yaml", "a .yaml file of your own, or one of bottle"),
            ("task", "demo no.yaml", "a .yaml file of your own, or one of BottlePickPour"),
            ("method", "train no.yaml SpoonPour", "a .yaml file of your own, or one of bc"),
-           ("measurements", "calibrate no.yaml", "the path of a .yaml file, see `robosim keys measurements`"))},
-}
+           ("measurements", "calibrate no.yaml", "the path of a .yaml file, see `robosim keys measurements`"))}}
 
 
 def run(*commands: list[str]) -> list[tuple[int, str, set[str]]]:
@@ -62,6 +61,12 @@ def run(*commands: list[str]) -> list[tuple[int, str, set[str]]]:
             f"    print(json.dumps([status, said.getvalue(), sorted({HEAVY!r} & set(sys.modules))]))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return [(status, error, set(loaded)) for status, error, loaded in map(json.loads, done.stdout.splitlines())]
+
+
+def test_what_cannot_draw_is_named_in_a_line() -> None:
+    words = [sys.executable, "-m", "robosim", "explain", "spoon"]
+    done = subprocess.run(words, env={**os.environ, "MUJOCO_GL": "none"}, capture_output=True, text=True)
+    assert done.returncode == 2 and re.fullmatch("robosim explain: MUJOCO_GL=none: cannot be loaded .*\n", done.stderr)
 
 
 def test_help_loads_nothing_heavy() -> None:

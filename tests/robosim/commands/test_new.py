@@ -62,8 +62,7 @@ def test_a_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["rehearsal", "lab", "--from", "fork"], "unknown rehearsal 'fork'; valid: bottle, dose_bottle, dose_spoon"),
-    (["rehearsal", "nowhere/lab"], "there is no folder nowhere"),
-])
+    (["rehearsal", "nowhere/lab"], "there is no folder nowhere")])
 def test_what_cannot_be_made_is_refused(arguments: list[str], message: str, tmp_path: Path,
                                         monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)

@@ -138,7 +138,8 @@ def test_a_folder_belongs_to_one_process_at_a_time(tmp_path: Path, capsys: pytes
 
 
 def test_a_folder_of_other_files_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
+    with OutputFolder(tmp_path, is_shared=True) as shared:  # as of a motion that is exported into it
+        shared.write_text("notes.txt", "mine")
     for words in (["rehearse", "spoon"], ["train", "sac", "Pendulum-v1"], ["report", "free_fall", "--quick"]):
         assert main([*words, "--out", str(tmp_path)]) == 2
         assert f"--out {tmp_path}: holds other files, such as notes.txt; accepted: a new or empty folder, or one of " \

@@ -51,8 +51,7 @@ def test_a_configuration_has_the_values_that_were_set() -> None:
     ("containers.source.color=1", "unknown key 'containers.source.color'; valid: position, yaw_deg, tilt_deg,"),
     ("host_dt=0.01", r"host_dt.*0\.001.*given: 0\.01"),
     ("waypoints.2.frame=bowl", "'bowl'; valid: world, source, target"),
-    ("weigh_at=raised", r"spoon.yaml --set weigh_at: weigh_at: unknown waypoint 'raised'; valid: .*lifted"),
-])
+    ("weigh_at=raised", r"spoon.yaml --set weigh_at: weigh_at: unknown waypoint 'raised'; valid: .*lifted")])
 def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         rehearsal("spoon", text)
@@ -63,8 +62,7 @@ def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> N
     ("SpoonScoop", "container=source", "key 'container' is now called 'containers'; rename it"),
     ("SpoonScoop", "container_place.yaw_deg=90", "key 'container_place' is now called 'containers.NAME'; rename it"),
     ("DoseSpoon", "receiver.radius=0.04", "key 'receiver' is now called 'containers.receiver'; rename it"),
-    ("ShovelMove", "start.pile=null", "key 'start.pile' is now called 'pile'; rename it"),
-])
+    ("ShovelMove", "start.pile=null", "key 'start.pile' is now called 'pile'; rename it")])
 def test_a_renamed_key_is_named_with_its_new_name(name: str, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         (load_rehearsal if name == "spoon" else load_task)(name, settings=[read_setting(text)])

@@ -11,7 +11,7 @@ from robosim.base.errors import ConfigError
 from robosim.recordings.frames import KEY_INTERVAL, PRESSURES, SPEEDS, GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingHeader
 from robosim.recordings.reader import Recording, find_recordings
-from robosim.recordings.writer import BLOCK, MAGIC, SHAPE, RecordingWriter
+from robosim.recordings.writer import BLOCK, HEADER, MAGIC, SHAPE, WAYPOINTS, RecordingWriter
 
 LOWER, UPPER = np.array([-0.2, 0.1, 0.0]), np.array([0.6, 0.5, 0.3])
 GRAINS, FRAMES = 700, 2 * KEY_INTERVAL + 3
@@ -108,8 +108,7 @@ def test_what_was_written_before_a_crash_is_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("content", "message"), [
     (b"PK\x03\x04", "no recording; accepted: recording.rec of a run's folder"),
-    (b"", "no recording"),
-    (MAGIC, "ends before its header; record the run again")])
+    (b"", "no recording"), (MAGIC, "ends before its header; record the run again")])
 def test_what_is_no_recording_is_refused(content: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "recording.rec").write_bytes(content)
     with pytest.raises(ConfigError, match=message):
@@ -133,12 +132,16 @@ def test_a_damaged_recording_is_refused_by_its_place(opened: Callable[[Path], Re
     recording.grains(0)  # the others can be read
 
 
-@pytest.mark.parametrize("says_size", [True, False])
-def test_a_small_file_that_unpacks_to_more_than_any_scene_is_refused(says_size: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("says_size", "kind", "block", "message"), [
+    (True, SHAPE, bytes(10**7), "damaged: at byte"), (False, SHAPE, bytes(10**7), "damaged: at byte"),
+    (True, WAYPOINTS, b"[" + 10**6 * b"{}," + b"{}]", "should have at most 200 items"),
+    (True, WAYPOINTS, 200_000 * b" " + b"[]", "damaged: at byte"), (True, HEADER, 10**6 * b"[", "header is not JSON")])
+def test_a_small_file_that_unpacks_to_more_than_any_scene_is_refused(says_size: bool, kind: bytes, block: bytes,
+                                                                     message: str, tmp_path: Path) -> None:
     """Thirty blocks of 10 MB in some kilobytes: refused at the block that is too many, before it is unpacked."""
     write(tmp_path / "recording.rec").close()
-    zeros = zstandard.ZstdCompressor(write_content_size=says_size).compress(bytes(10**7))
-    content = (tmp_path / "recording.rec").read_bytes() + 30 * (BLOCK.pack(SHAPE, len(zeros)) + zeros)
+    packed = zstandard.ZstdCompressor(write_content_size=says_size).compress(block)
+    content = (tmp_path / "recording.rec").read_bytes() + 30 * (BLOCK.pack(kind, len(packed)) + packed)
     (tmp_path / "recording.rec").write_bytes(content)
-    with pytest.raises(ConfigError, match=r"damaged: at byte [0-9]+: "):
+    with pytest.raises(ConfigError, match=message):
         Recording(tmp_path / "recording.rec")

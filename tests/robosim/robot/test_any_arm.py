@@ -196,8 +196,7 @@ def test_hands_are_files(tmp_path: Path) -> None:
 def test_a_urdf_with_fixed_frames_is_an_arm(tmp_path: Path) -> None:
     """Base and flange are links without a joint, which MuJoCo would fuse; poses and gravity torques are MuJoCo's.
 
-    It says its limits of speed and torque.
-    """
+    It says its limits of speed and torque."""
     write_urdf(tmp_path / "lab.urdf")
     robot = load_robot_model(ArmConfig.model_validate({"model": "lab.urdf", "flange": "tool0"}), tmp_path)
     assert robot.base == "base_link" and robot.joints == tuple(f"q{k}" for k in range(6))

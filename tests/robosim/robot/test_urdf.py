@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -66,6 +67,7 @@ def test_meshes_are_found_each_its_own(urdf: str, package: str, address: str, by
 @pytest.mark.parametrize(("address", "message"), [
     ("package://no/m.stl", "mesh package://no/m.stl: not found, .*/no/m.stl.* or of the key packages: .NAME: FOLDER"),
     ("m.stl", "mesh m.stl: not found, not as /.*/m.stl"), ("http://x/m.stl", "mesh http://x/m.stl: not found"),
+    (f"package://{300 * 'p'}/m.stl", "mesh package://p+/m.stl: not found"), (300 * "m", "mesh m+: not found"),
     ("own.dae", "link base_link: collision mesh .*own.dae; accepted: .stl, .obj, .msh")])
 def test_meshes_that_cannot_be_read_are_named(address: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "own.dae").touch()
@@ -89,7 +91,8 @@ def test_visual_shapes_that_are_left_out_are_noted(end: str, tmp_path: Path) -> 
     (("</robot>", '<mujoco><compiler settotalmass="20"/></mujoco></robot>'), "settotalmass = 20 would"),
     ((LIMIT % (3, 3), 'effort="3" velocity="3"/>', '"101"', '"0"', '"104"', '"0"', '"2.5"/>', '"0"/>'),
      "no lower_deg of q3; upper_deg of q3; torque of q1, q4; velocity of q2; acc"),
-])
+    (('"101"', '"-5"', '"104"', '"inf"', '"2.5"/>', '"1e300"/>'), "no torque of q1, q4; velocity of q2; acc"),
+    (("<link name", "<link a & b name"), "cannot be read as a model: it is not XML")])
 def test_what_a_urdf_lacks_or_adds_is_named(changes: tuple[str, ...], message: str, tmp_path: Path) -> None:
     """All that is missing at once."""
     with pytest.raises(ConfigError, match=f"a.urdf: .*{message}"):
@@ -101,8 +104,7 @@ def test_what_a_urdf_lacks_or_adds_is_named(changes: tuple[str, ...], message: s
     ("</worldbody>", '<tendon><fixed name="belt"><joint joint="j0" coef="1"/></fixed></tendon>', "tendon belt acts"),
     ("</worldbody>", '<equality><connect name="pin" body1="l3" anchor="0 0 0"/></equality>', "equality pin acts"),
     ("<actuator>", '<motor name="jet" site="tip" gear="1 0 0 0 0 0"/>', "actuator jet acts"),
-    ("</worldbody>", '<equality><joint name="own" joint1="f"/></equality>', "has no velocity"),
-])
+    ("</worldbody>", '<equality><joint name="own" joint1="f"/></equality>', "has no velocity")])
 def test_what_moves_joints_beside_their_motors_is_named(place: str, added: str, message: str, tmp_path: Path) -> None:
     """In the compiled model; those of a finger alone are its own."""
     path = write_arm(tmp_path / "arm.xml", 6)
@@ -130,14 +132,11 @@ def test_a_new_arms_file_says_what_to_fill_in(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_what_a_new_arm_cannot_be_made_of_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A package's folder is answered with its models, a macro with what expands it; a note is one line, too."""
+    """A package's folder is answered with its models; a note is one line, too."""
     visual = f'<visual><geometry>{BOX}</geometry></visual></link><link name="l0"'
     path = write_urdf(tmp_path / "lab" / "urdf" / "a.urdf", ('</link><link name="l0"', visual))
-    (macro := tmp_path / "lab" / "a.urdf.xacro").write_text("<robot/>")
-    assert [main(["new", "arm", str(one)]) for one in (tmp_path / "lab", macro)] == [2, 2]
-    assert capsys.readouterr().err == (
-        f"robosim new: {tmp_path / 'lab'}: a folder; accepted: a model in it: {path}\n"
-        f"robosim new: {macro}: a macro of URDF files; accepted: what `xacro a.urdf.xacro > a.urdf` writes\n")
+    assert main(["new", "arm", str(tmp_path / "lab")]) == 2
+    assert capsys.readouterr().err == f"robosim new: {tmp_path / 'lab'}: a folder; accepted: a model in it: {path}\n"
     assert main(["rehearse", "spoon", "--set", f"robot={path}", "--out", str(tmp_path / "out")]) == 2
     assert "or the path of a .yaml file of your own, which `robosim new arm MODEL` writes" in capsys.readouterr().err
     assert not list((tmp_path / "lab").rglob("*.yaml"))
@@ -183,3 +182,34 @@ def test_a_urdf_hand_closes_with_its_mimic_finger(tmp_path: Path) -> None:
     mujoco.mj_step(model, data, 1000)
     places = [data.joint(f"hand_{side}_joint").qpos[0] for side in ("left", "right")]
     assert places == pytest.approx([0.04, 0.04], abs=1e-3)
+
+
+def test_an_mjcf_is_read_as_mujoco_reads_it(tmp_path: Path) -> None:
+    """Blank lines before its declaration, and &; a tendon within the hand, which the arm's joints move by rounding."""
+    path, site = write_arm(tmp_path / "arm.xml", 6), '<site name="{}" pos="{} 0.027 0.041"/>'
+    tendon = '<tendon><spatial><site site="palm"/><site site="end"/></spatial></tendon><actuator>'
+    finger, text = '<body name="finger">', path.read_text()
+    for old, new in (("<mujoco>", "\n <?xml version='1.0'?><mujoco model='a & b'>"), ("<actuator>", tendon),
+                     (finger, site.format("palm", 0.7) + finger + site.format("end", 0.1))):
+        text = text.replace(old, new)
+    path.write_text(text)
+    assert read(path, flange="tip", limits={"velocity": [2.0] * 6}).joints[0] == "j0"
+
+
+def test_a_xacro_file_is_expanded_or_answered_with_how_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_urdf(tmp_path / "a.urdf.xacro", ("</robot>", "<xacro:mine/></robot>"))
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    with pytest.raises(ConfigError, match=r"a.urdf.xacro: xacro: .*; accepted: the URDF that `xacro a.urdf.xacro`"):
+        read(path)
+    done = SimpleNamespace(toxml=lambda: path.read_text().replace("<xacro:mine/>", ""))
+    monkeypatch.setitem(sys.modules, "xacro", SimpleNamespace(process_file={str(path): done}.__getitem__))
+    assert read(path, limits={"velocity": [1.0] * 6}).torque.tolist() == [100.0, 101.0, 102.0, 103.0, 104.0, 105.0]
+
+
+def test_what_an_arms_file_cannot_say_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_urdf(tmp_path / "a.urdf", ("tool0", 101 * "x"))
+    for more, message in (([], "flange: String should have at most 100"), (["--from", "a"], "--from a with a model")):
+        assert main(["new", "arm", str(path), *more]) == 2 and message in capsys.readouterr().err
+    assert not path.with_suffix(".yaml").exists()
+    with pytest.raises(ConfigError, match="servo.stiffness has 5 values; accepted: 6"):
+        read(write_urdf(tmp_path / "b.urdf", ('"0.5"', '"1"')), servo={"stiffness": [1] * 5, "damping": [1] * 5})

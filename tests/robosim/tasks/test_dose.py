@@ -230,12 +230,12 @@ def test_an_action_of_eight_numbers() -> None:
 # refusals -----------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("changes", "message"), [
     ({"dose__target_g": [15, 2]}, r"target_g = \(15.0, 2.0\) g; accepted: the lowest and then the highest mass"),
-    ({"dose__target_g": []}, r"dose.target_g.0: Field required"),
-    ({"dose__target_g": [0.5, 2]}, r"within 1 to 60 g"),
-    ({"dose__target_g": [5, float("nan")]}, r"dose.target_g.1"),
+    ({"dose__target_g": []}, r"dose.target_g.0: Field required"), ({"dose__target_g": [0.5, 2]}, r"within 1 to 60 g"),
+    ({"dose__target_g": [5, float("nan")]}, r"dose.target_g.1"), ({"tool_wall": "shells"}, r"tool_wall"),
     ({"dose__reward": {"error": 1}}, r"key 'dose.reward' is now called 'reward'; rename it"),
     ({"reward": {"errors": 1}}, r"reward: unknown term 'errors'; valid: error, time, spill, distance, lost, "),
-    ({"reward": {"error": -1}}, r"reward.error: Input should be greater"),
+    ({"reward": {"error": -1}}, r"task.yaml: reward.error: Input should be greater"),
+    ({"reward": {"error": {"weight": -1}}}, r"reward.error.weight: Input should be greater"),
     ({"reward": 3}, r"reward: 3; accepted: a table of error, time"),
     ({"action__vibration__frequency": [20, 100]}, r"accepted: up to 62.5 Hz, 8 steps in a period"),
     ({"action__vibration__frequency": [60, 20]}, r"the lowest and then the highest"),
@@ -247,9 +247,7 @@ def test_an_action_of_eight_numbers() -> None:
       "bounds": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"dose without containers; accepted: an empty one"),
     ({"target": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"receiver with target; accepted: neither"),
     ({"success": {"delivered": 0.5}}, r"dose with success; accepted: dose.tolerance_percent"),
-    ({"grains": {"count": 320, "observe_every": 2}}, r"grains.observe_every = 2"),
-    ({"tool_wall": "shells"}, r"tool_wall"),
-])
+    ({"grains": {"count": 320, "observe_every": 2}}, r"grains.observe_every = 2")])
 def test_what_does_not_fit_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         task_with(**changes)

@@ -65,7 +65,7 @@ def test_a_file_that_would_not_be_read_again_is_not_written(own: Path) -> None:
     assert own.read_text() == content and list(own.parent.iterdir()) == [own]
 
 
-@pytest.mark.parametrize("name", [FILE, f"{FILE}.part"])
+@pytest.mark.parametrize("name", [FILE, f"{FILE}.part", "2-SpoonTranslate.rec", "1-Spoon.rec.part"])
 def test_a_run_in_a_viewer_keeps_the_recording_of_another(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"of an hour")
     with pytest.raises(ConfigError, match=rf"holds {name} of another run"), begin_run("spoon", None, tmp_path, []):
