@@ -92,7 +92,7 @@ def gallery(out: Path) -> None:
             still(out / name, name)
 
 
-ARMS = {"iiwa14": "KUKA LBR iiwa 14", "panda": "Franka Panda", "ur5e": "Universal Robots UR5e",
+ARMS = {"gen3": "Kinova Gen3", "iiwa14": "KUKA LBR iiwa 14", "panda": "Franka Panda", "ur5e": "Universal Robots UR5e",
         "xarm7": "UFACTORY xArm7"}
 FIGURES = {"delivered_fraction": "{:.3f}", "spilled_fraction": "{:.3f}", "tool_tracking_error_max_m": "{:.5f}",
            "torque_limit_ratio_max": "{:.2f}", "velocity_limit_ratio_max": "{:.2f}", "motion_time_scale": "{:.2f}",
@@ -144,7 +144,7 @@ def picture_of_arms() -> None:
             rows[-1].append(renderer.render())
             renderer.close()
     picture = Image.fromarray(np.concatenate([np.concatenate(row, 1) for row in rows], 0))
-    picture.resize((1440, 660), Image.Resampling.LANCZOS).save(IMAGES / "arms.jpg", quality=84, optimize=True)
+    picture.resize((1440, 528), Image.Resampling.LANCZOS).save(IMAGES / "arms.jpg", quality=84, optimize=True)
 
 
 def picture_of_page(page: Path, out: Path) -> None:

@@ -13,7 +13,7 @@ SLOW = pytest.mark.slow
 @pytest.mark.parametrize(("task", "robot", "gripper"), [
     ("SpoonTranslate", "ur5e", None), pytest.param("SpoonTranslate", "panda", None, marks=SLOW),
     pytest.param("SpoonTranslate", "xarm7", "none", marks=SLOW),
-    pytest.param("SpoonTranslate", "iiwa14", "robotiq_3f", marks=SLOW),
+    *(pytest.param("SpoonTranslate", *arm, marks=SLOW) for arm in (("iiwa14", "robotiq_3f"), ("gen3", None))),
     *(pytest.param(task, "iiwa14", None, marks=SLOW) for task in TASKS)])
 def test_an_arm_scores_as_the_tool_alone(task: str, robot: str, gripper: str | None) -> None:
     """The same script, observation and actions: the score differs by a tenth of its range at most, or by 3 %."""
@@ -50,5 +50,5 @@ def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
 def test_what_is_wrong_with_an_arm_is_said() -> None:
     with pytest.raises(ConfigError, match="robot = 'panda', gripper = None with arm = False; accepted: arm = True"):
         GrainEnv(task="SpoonTranslate", robot="panda")
-    with pytest.raises(UnknownName, match="unknown robot 'kuka'; valid: iiwa14, panda, ur5e, xarm7"):
+    with pytest.raises(UnknownName, match="unknown robot 'kuka'; valid: gen3, iiwa14, panda, ur5e, xarm7"):
         GrainEnv(task="SpoonTranslate", arm=True, robot="kuka")

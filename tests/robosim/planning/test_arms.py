@@ -50,7 +50,7 @@ def test_invalid_rehearsals_are_refused(name: str, changes: dict, message: str) 
         rehearsal(name, **changes)
 
 
-TURNS = {"ur5e": 0.0, "panda": -40.0}
+TURNS = {"gen3": 20.0, "panda": -40.0, "ur5e": 0.0}
 """Turns in the hand that the planner would find after trying others."""
 
 

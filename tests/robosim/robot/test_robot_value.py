@@ -119,13 +119,15 @@ DH = {  # a(i-1), alpha(i-1) [deg], d(i) of the modified convention; the last ro
               (0.088, 90, 0), (0, 0, 0.107)],
     "xarm7": [(0, 0, 0.267), (0, -90, 0), (0, 90, 0.293), (0.0525, 90, 0), (0.0775, 90, 0.3425), (0, 90, 0),
               (0.076, -90, 0), (0, 0, 0.097)],
+    "gen3": [(0, 180, -0.28481), (0, 90, -0.01175), (0, -90, -0.42076), (0, 90, -0.01275), (0, -90, -0.31436),
+             (0, 90, -0.0003501), (0, -90, -0.167455), (0, 180, 0)],
     "ur5e": [(0, 0, 0.1625), (0, 90, 0), (-0.425, 0, 0), (-0.3922, 0, 0.1333), (0, 90, 0.0997), (0, -90, 0.0996),
              (0, 0, 0)],
 }
-"""Published by the makers: Franka Control Interface, UFACTORY documentation, UR article on DH parameters."""
+"""Published by the makers: Franka Control Interface, UFACTORY documentation, UR article, Kinova's URDF."""
 BASE_TURN = {"ur5e": np.pi}
 """Turn [rad] about z from our base, whose x is forward, to that of the parameters: UR's `Base` looks backward."""
-TOTAL_MASS = {"iiwa14": 29.9, "panda": 18.0, "ur5e": 20.6, "xarm7": 13.7}
+TOTAL_MASS = {"gen3": 8.2, "iiwa14": 29.9, "panda": 18.0, "ur5e": 20.6, "xarm7": 13.7}
 """Data sheets [kg]."""
 
 
@@ -218,7 +220,7 @@ def test_masses(pair: tuple[mujoco.MjModel, Arm]) -> None:
 
 
 def test_an_arm_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UnknownName, match="robot 'ur10'; valid: iiwa14, panda, ur5e, xarm7, or the path"):
+    with pytest.raises(UnknownName, match="robot 'ur10'; valid: gen3, iiwa14, panda, ur5e, xarm7, or the path"):
         load_arm("ur10")
-    with pytest.raises(ConfigError, match="no such file; accepted: a .yaml file of your own, or one of iiwa14"):
+    with pytest.raises(ConfigError, match="no such file; accepted: a .yaml file of your own, or one of gen3"):
         load_arm(str(tmp_path / "mine.yaml"))

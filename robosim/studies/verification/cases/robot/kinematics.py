@@ -22,7 +22,7 @@ from robosim.studies.verification.cases.expectations import each_within
     source="success and time of TRAC-IK on a KUKA LBR iiwa 14, 10 000 poses: 99.92 % and 0.28 ms at 1e-5 (README of "
            "TRAC-IK 1.5.1); poses are recomputed here by MuJoCo",
     sweep=[*({"restarts": n} for n in (1, 3, 10, 30)),
-           *({"restarts": 30, "robot": robot} for robot in ("panda", "ur5e", "xarm7"))],
+           *({"restarts": 30, "robot": robot} for robot in ("gen3", "panda", "ur5e", "xarm7"))],
     quick=[{"restarts": n, "poses": 300} for n in (1, 30)],
     expectations=each_within({"failed": 0.005, "mean_ms": 2.0, "p95_ms": 10.0, "wrong": 0.0}, {"restarts": 30}, 0.0),
     main_error="failed", units={"mean_ms": "ms", "p95_ms": "ms"})
