@@ -82,7 +82,8 @@ class GrainsInSolid(MpmWarning):
 
 
 class GrainsLeaveGrid(MpmWarning):
-    """Particles would have left the grid through a wall that is no floor; they are held on its plane."""
+    """Particles would have left the grid through a wall that cannot be left and is no floor, or were pushed through
+    one; they are held on its plane."""
 
 
 class ThinSolid(MpmWarning):
