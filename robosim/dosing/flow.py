@@ -20,7 +20,6 @@ class Stream(NamedTuple):
 
 class FlowMeter:
     """Line through the balance's readings of the last `window` seconds, by least squares; its slope is the flow.
-
     lag: time constant [s] of the balance's first-order filter: a steady flow is shown by lag x flow too small."""
 
     def __init__(self, window: float, lag: float = 0.0) -> None:

@@ -15,7 +15,6 @@ WINDOW = 0.3
 
 class Shaker(DoseController):
     """Shakes at full amplitude until the balance shows a mass a little below the target, then in pulses.
-
     It tilts on while it shakes and little flows. After each pulse it waits for the balance."""
 
     def __init__(self, numbers: DosingNumbers, control_dt: float) -> None:

@@ -47,7 +47,6 @@ class FieldAccess(NamedTuple):
 
 class World:
     """A sub-task with a material; one environment runs in it, or a batch of them.
-
     name: of the file that the settled start is cached in. task: if the options have none. `observer.build` completes
     what is observed.
     Raises ConfigError, UnknownName for options that cannot be used."""

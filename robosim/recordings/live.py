@@ -17,7 +17,6 @@ from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 
 class LiveView:
     """Records a scene while a program steps it, and serves its page from a process of its own.
-
     Call `update` after every step: it records a frame when one is due. The page follows, and plays what was recorded.
     tool: body whose path is drawn, and at which the force of `wrench` is. out: file that the recording is kept in,
     which `robosim view` plays; None: a temporary one. Raises ConfigError for a port that is in use."""

@@ -15,7 +15,6 @@ TO_IMAGE = np.diag([1.0, -1.0, -1.0])
 
 class DepthCamera:
     """A camera of a model, which sees what films show of its bodies, and grains.
-
     camera: its name. width, height: of its picture in pixels. grains: their number; radius: mean radius [m] with which
     they are drawn, as in films. Raises UnknownName for a camera that the model does not have."""
 

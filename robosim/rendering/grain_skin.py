@@ -1,5 +1,4 @@
 """Grains drawn as one MuJoCo skin, whose vertices are overwritten in each frame.
-
 A skin is lit, shaded, shadowed and occluded like any other geometry, and its vertices are streamed to the GPU (or to a
 software rasteriser) anyway. Each grain is a small octahedron of its own shape and attitude."""
 

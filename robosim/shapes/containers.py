@@ -1,5 +1,4 @@
 """Containers: walls, what is in them, and their distances, whatever they were made from.
-
 Frame: z up; of a box or a round one, the origin is the centre of the inner floor. Lengths are metres."""
 
 from abc import ABC, abstractmethod

@@ -1,5 +1,4 @@
 """Closed solids and open inner faces through rings of points, from which containers of given sizes are made.
-
 Lengths are metres. A solid is watertight with outward normals; the normals of an inner face point into what it holds.
 """
 

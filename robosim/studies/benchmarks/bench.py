@@ -1,5 +1,4 @@
 """`robosim bench`: speed of coupling, kinematics, environments and rendering.
-
 Each figure is the median of repeated runs in a process of its own."""
 
 import os

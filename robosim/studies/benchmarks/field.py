@@ -31,7 +31,6 @@ SUBSTEPS = 10
 def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, out: Path | None,
                 threads: int = 1, arch: str = "cpu") -> int:
     """Time scenes of these sizes, each in a fresh process; print a JSON line each and write bench_field.json.
-
     yardsticks: folder of reference programs, whose speed each line is compared with. With several threads, or on a GPU
     (arch "cuda"), each line has the speed-up over one CPU thread. A scene that cannot run there has the reason.
     Returns 0, or 1 where a scene could not run. Raises UnknownName for a scene that does not exist."""

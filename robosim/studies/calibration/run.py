@@ -30,7 +30,6 @@ posterior."""
 
 class Runs:
     """Simulations of a folder, kept on the disk: a run that is asked for again is not simulated again.
-
     inputs: what all of them depend on."""
 
     def __init__(self, folder: Path, inputs: Any) -> None:

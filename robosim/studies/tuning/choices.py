@@ -53,7 +53,6 @@ RANGES: dict[str, dict[str, Range]] = {
 def draw_choice(controller: str, numbers: DosingNumbers, index: int, seed: int,
                 costs: Mapping[int, float], choices: Sequence[DosingNumbers]) -> DosingNumbers:
     """Return the numbers of the choice `index`: the first are those given, later ones lie around the best so far.
-
     costs: mean cost of each earlier choice that has one, of which those of earlier generations count; so the search is
     the same with any number of processes. Rates of pi go up to `motion.fast_deg`, also where that is below their range.
     choices: the earlier choices' numbers."""

@@ -43,7 +43,6 @@ NAMES, GROUPS = tuple(PLACES), tuple(CASES)
 
 def expand(names: Iterable[str]) -> list[str]:
     """Return the names of cases, with all cases of a subject in its place; each once.
-
     Raises UnknownName for what is neither a case nor a subject."""
     cases: dict[str, None] = {}
     for name in names:

@@ -25,7 +25,6 @@ def courant_step(courant: float, cell: float, law: Material) -> float:
 
 def shear_ratio(phi_deg: float, cone: str = "compression") -> float:
     """Return m3, shear stress over pressure in steady simple shear [-], of sand with a friction angle [deg].
-
     From the cone's definition, not from the law under test."""
     sine = math.sin(math.radians(phi_deg))
     return sine if cone == "plane_strain" else 2.0 * math.sqrt(3.0) * sine / (3.0 - sine)
@@ -58,7 +57,6 @@ def load_pressure(solver: mpm.Solver, water: mpm.NewtonianFluid, depths: np.ndar
 def carry(timed: TimedSolver, displacement: Callable[[int], np.ndarray | list[float]], windows: int,
           window: float) -> Iterator[int]:
     """Move the first collider on, advance and yield, window [s] by window.
-
     displacement: from the start [m] (3,), after k windows."""
     start = here = timed.solver.collider_pose(0)
     for k in range(windows):

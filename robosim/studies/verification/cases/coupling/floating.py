@@ -86,7 +86,6 @@ def hollow(radius: float, wall: float) -> trimesh.Trimesh:
 
 def swing(x: np.ndarray, step: float) -> tuple[float, float]:
     """Return the undamped frequency [rad/s] and the damping ratio of a swing x(t) that starts through zero.
-
     They follow from its first peak to either side, step [s] apart per sample; not a number where it does not swing."""
     high = int(np.argmax(x))
     low = high + int(np.argmin(x[high:]))

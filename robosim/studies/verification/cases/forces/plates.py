@@ -32,7 +32,6 @@ faded, and the sand above it is undisturbed."""
 
 def path_of(beta_deg: float, gamma_deg: float, side: float = SIDE) -> tuple[float, float]:
     """Return depth of the centre [m] at the start and length of the way [m] of a plate of length side [m].
-
     Downwards from where the plate's upper edge is level with the surface, sideways at a depth of 1.5 plates, upwards
     from 2.5 plates; plates of 40 mm, and others to the same depths."""
     if gamma_deg > 0:
@@ -207,7 +206,6 @@ def _mean_at(pushed: Pushed, depth: float) -> float:
 
 def lifting_bound(depth: np.ndarray, friction_deg: float, square: bool) -> np.ndarray:
     """Return the upper bound of limit analysis for a lifted plate, per density, gravity and depth.
-
     depth: (n,) in lengths of the plate; friction_deg: whose tangent the sand carries in simple shear, which in plane
     strain is the sine of the angle by which the sides lean. Around the corners of a square plate they are cones."""
     spread = depth * math.tan(math.asin(math.tan(math.radians(friction_deg))))

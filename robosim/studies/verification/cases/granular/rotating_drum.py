@@ -127,7 +127,6 @@ def centre_slope(positions: np.ndarray) -> float:
 
 def surface_line(positions: np.ndarray, cell: float) -> tuple[float, float]:
     """Return angle [deg] and height over the axis [m] of the surface: a line through the highest grains.
-
     Grains are sorted into columns along the surface, whose direction is found in three rounds; those in the middle of
     the surface's chord count."""
     angle = level = 0.0
