@@ -4,8 +4,8 @@ import numpy as np
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.dosing import CONTROLLERS
+from robosim.dosing.balance import LEAST_READINGS
 from robosim.dosing.command import DoseController
-from robosim.dosing.flow import LEAST_READINGS
 from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.open_loop import OpenLoop
 from robosim.dosing.pi import PiDosing

@@ -4,8 +4,8 @@ from typing import Literal
 
 import numpy as np
 
+from robosim.dosing.balance import FlowMeter
 from robosim.dosing.command import DoseCommand, DoseController, DoseSight
-from robosim.dosing.flow import FlowMeter
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
 

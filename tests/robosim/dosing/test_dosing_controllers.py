@@ -6,9 +6,9 @@ from pouring_plant import SALT, VIBRATION, Dose, Plant, shifted
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.dosing import CONTROLLERS
+from robosim.dosing.balance import FlowMeter
 from robosim.dosing.command import accepted_error
 from robosim.dosing.controllers import make_controller
-from robosim.dosing.flow import FlowMeter
 from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.pour_curve import PourCurve
 

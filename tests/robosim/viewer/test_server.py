@@ -6,7 +6,7 @@ import urllib.request
 import pytest
 
 from robosim.base.errors import ConfigError
-from robosim.recordings.ports import free_port
+from robosim.recordings.live import free_port
 from robosim.viewer.server import open_server, stop_server
 
 

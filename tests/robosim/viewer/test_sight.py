@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.viewer.sight import Sight, find_in_sight
+from robosim.viewer.scene_view import Sight, find_in_sight
 
 RADIUS = 0.004
 SPACING = RADIUS / 0.62

@@ -13,8 +13,7 @@ import pytest
 from slurm_cluster import INSTALL, NODES, SlurmCluster, missing_programs
 
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.studies.clusters.launch import read_table
-from robosim.studies.clusters.slurm import make_launcher
+from robosim.studies.clusters.slurm import make_launcher, read_table
 
 SWEEP = """
 tasks: [Pendulum-v1, SpoonTranslate]

@@ -7,8 +7,8 @@ from robosim.base.errors import ConfigError
 from robosim.dosing import CONTROLLERS
 from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.pour_curve import PourCurve
-from robosim.studies.tuning.choices import GENERATION, RANGES, Range, draw_choice
 from robosim.studies.tuning.curve import STEP_DEG, mean_curve
+from robosim.studies.tuning.search import GENERATION, RANGES, Range, draw_choice
 from robosim.studies.tuning.trial import WORST, episode_cost, summarize_doses
 
 NUMBERS = DosingNumbers.model_validate({

@@ -9,8 +9,7 @@ from scipy.optimize import brentq
 
 import mpm
 from robosim.base.errors import UnknownName
-from robosim.studies.columns import fill_column, rim
-from robosim.studies.verification.cases.beds import courant_step, rms
+from robosim.studies.verification.cases.beds import courant_step, fill_column, rim, rms
 from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.dense_sand import DenseSand, dense_sand
 from robosim.studies.verification.cases.expectations import Approach, Within

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import mpm
-from robosim.studies.columns import fill_column, rim
-from robosim.studies.verification.cases.beds import courant_step, rms
+from robosim.studies.verification.cases.beds import courant_step, fill_column, rim, rms
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within
 
