@@ -68,11 +68,9 @@ def floating_cube(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cell
             tilts.append(data.xmat[1][8])
     thrust = np.mean(thrusts) / (DENSITY * G * SIDE**3) - 1
     error = np.mean(draughts) / SIDE - density_ratio
-    top = np.percentile(solver.positions()[np.abs(solver.positions()[:, 0] - middle) > 0.07, 2], 99)
     errors = {"thrust": thrust} if fixed else {"draught": error, "weight": thrust + 1 - density_ratio}
     return timed.record(errors, accepted=accepted(cell, density_ratio),
-                        tilt_deg=np.degrees(np.arccos(min(np.mean(tilts), 1.0))),
-                        draught_from_highest_grains=(top - (data.xpos[1][2] - SIDE / 2)) / SIDE)
+                        tilt_deg=np.degrees(np.arccos(min(np.mean(tilts), 1.0))))
 
 
 def hollow(radius: float, wall: float) -> trimesh.Trimesh:

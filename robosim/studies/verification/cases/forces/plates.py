@@ -48,20 +48,18 @@ def stress_per_depth(pushed: Pushed) -> theory.Alpha:
     return theory.Alpha(-float(x), float(up))
 
 
-def expected(beta_deg: float, gamma_deg: float, square: bool, doubtful: bool = False) -> theory.Alpha:
+def expected(beta_deg: float, gamma_deg: float, square: bool) -> theory.Alpha:
     """Return the reference's stress per depth, in units of that of vertical intrusion."""
     if not square:
         unit = theory.plane_alpha(0.0, 90.0).z
         return theory.Alpha(*(part / unit for part in theory.plane_alpha(beta_deg, gamma_deg)))
-    unit = theory.space_alpha(0.0, 90.0, doubtful=doubtful)[2]
-    r, _, z = theory.space_alpha(beta_deg, gamma_deg, doubtful=doubtful) / unit
+    r, _, z = theory.space_alpha(beta_deg, gamma_deg) / theory.space_alpha(0.0, 90.0)[2]
     return theory.Alpha(-float(r), float(z))
 
 
-def rms(found: dict[tuple[int, int], theory.Alpha], scale: float, square: bool, doubtful: bool = False) -> float:
+def rms(found: dict[tuple[int, int], theory.Alpha], scale: float, square: bool) -> float:
     """Return the rms difference from a table, over components and directions, in units of vertical intrusion."""
-    differences = [np.array(alpha) / scale - expected(beta, gamma, square, doubtful)
-                   for (beta, gamma), alpha in found.items()]
+    differences = [np.array(alpha) / scale - expected(beta, gamma, square) for (beta, gamma), alpha in found.items()]
     return float(np.sqrt(np.mean(np.square(differences))))
 
 
@@ -138,7 +136,6 @@ def plate_map(*, cell: float = 0.008, directions: str = "map", square: bool = Fa
     if (90, 0) in found:
         readings["drag"] = found[90, 0].x / scale
         errors["rms"] = rms(found, scale, square)
-        readings["rms_doubtful" if square else "rms_in_space"] = rms(found, scale, True, square)
     return make_record(costs, errors, **readings)
 
 

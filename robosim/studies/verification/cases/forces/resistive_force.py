@@ -21,8 +21,7 @@ FORMS: dict[str, Any] = {
                            "f3": [float], "doubtful": [{"function": str, "term": int, "value": float}],
                            "scale": [float]},
     "impact": {"source": str, "uncertainty": float, "uncertainty_note": str, "prefactor": float,
-               "exponents": {"density": float, "diameter": float, "drop": float},
-               "force_law": {"d1": float, "k": float}},
+               "exponents": {"density": float, "diameter": float, "drop": float}},
 }
 """Form of each file of references."""
 
