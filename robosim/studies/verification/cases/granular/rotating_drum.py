@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from scipy.optimize import brentq
 
 import mpm
 from mpm.backend import ti
@@ -44,11 +45,7 @@ class Drum(Shape):
 
 def level_of(fill: float) -> float:
     """Return the height of a level surface over the axis, in radii, for a share of the circle."""
-    low, high = -1.0, 1.0
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if share_of(middle) < fill else (low, middle)
-    return low
+    return float(brentq(lambda level: share_of(level) - fill, -1.0, 1.0))  # pyright: ignore[reportArgumentType]
 
 
 def share_of(level: float) -> float:
