@@ -1,17 +1,23 @@
-"""Studies: rows are kept as they come, a crash costs one, and what is known is not run again."""
+"""Results on disk: files that are always whole, digests of code, and studies that continue."""
 
+import errno
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from study_stand_in import StandIn
 
+from mpm.files import temporary_path, write
+from robosim.base import digests
+from robosim.base.digests import code_digest, parse_module, source_files
+from robosim.base.files import TEMPORARY, append, keep_status, remove_temporary, write_text
 from robosim.base.jobs import worker_pool
 from robosim.base.study import Job, Store, Study
 
@@ -102,3 +108,127 @@ def test_a_signal_to_the_group_is_left_to_the_parent() -> None:
         worker = pool.submit(os.getpid).result()
         os.kill(worker, signal.SIGTERM)
         assert pool.submit(os.getpid).result() == worker
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt("SIGTERM")])
+def test_a_failure_keeps_the_old_file_and_leaves_no_other(tmp_path: Path, error: BaseException) -> None:
+    path = tmp_path / "table.csv"
+    write_text(path, "old")
+
+    def write_half(temporary: Path) -> None:
+        assert temporary.suffix == ".csv" and temporary.parent == tmp_path
+        temporary.write_text("ne")
+        raise error
+
+    with pytest.raises(type(error)):
+        write(path, write_half)
+    assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("table.csv", "old")]
+
+
+def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
+    """Files and folders of temporary names, and nothing else."""
+    kept = [tmp_path / name for name in ("a.csv", "a.mp4.part", ".lock", ".a.part.csv")]
+    for path in [*kept, temporary_path(tmp_path / "a.csv"), temporary_path(tmp_path / "b.unfinished.npz")]:
+        path.write_text("x")
+    folder = temporary_path(tmp_path / "film")
+    folder.mkdir()
+    (folder / "episode.mp4").write_text("x")
+    assert TEMPORARY.fullmatch(folder.name)
+    remove_temporary(tmp_path)
+    assert sorted(tmp_path.iterdir()) == sorted(kept)
+
+
+def test_a_line_is_appended_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "report.jsonl"
+    append(path, b"one\n")
+
+    def fail(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", fail)
+    with pytest.raises(OSError):
+        append(path, b"two\n")
+    assert path.read_bytes() == b"one\n"
+
+
+@pytest.mark.parametrize(("error", "state", "reason"), [
+    (None, "finished", None), (KeyboardInterrupt("SIGTERM"), "interrupted", "stopped by SIGTERM"),
+    (OSError(errno.ENOSPC, "No space left on device"), "failed", "OSError: [Errno 28] No space left on device")])
+def test_a_status_says_how_work_ended(tmp_path: Path, error: BaseException | None, state: str,
+                                      reason: str | None) -> None:
+    try:
+        with keep_status(tmp_path):
+            assert json.loads((tmp_path / "status.json").read_text())["state"] == "running"
+            if error is not None:
+                raise error
+    except (KeyboardInterrupt, OSError) as raised:
+        assert raised is error
+    status = json.loads((tmp_path / "status.json").read_text())
+    assert (status["state"], status.get("reason")) == (state, reason)
+
+
+def test_a_status_that_cannot_be_written_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a full disk, where "running" would no longer be true."""
+    with pytest.raises(RuntimeError), keep_status(tmp_path):
+        def fail(descriptor: int) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        monkeypatch.setattr("os.fsync", fail)
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
+    """A package of modules `case` -> `a` -> `b`, and `c`, which nothing imports."""
+    (tmp_path / "mpm").mkdir()
+    a = '"""A."""\nfrom mpm import b\n\nX = 1.0\n"""[m]"""\n'
+    for name, text in {"__init__": "", "case": "import mpm.a", "a": a, "b": "", "c": ""}.items():
+        (tmp_path / "mpm" / f"{name}.py").write_text(text)
+    monkeypatch.setattr(digests, "ROOT", tmp_path)
+    monkeypatch.setenv("ROBOSIM_CACHE", str(tmp_path / "cache"))
+    yield tmp_path / "mpm"
+    forget()
+
+
+def forget() -> None:
+    """Forget what this process has read."""
+    for function in (code_digest, digests.module_file, digests.read_module, digests._memo):
+        function.cache_clear()
+
+
+def fresh_digest() -> str:
+    """The digest that a process would have which starts now."""
+    forget()
+    return code_digest("mpm.case")
+
+
+def test_a_digest_changes_with_statements_that_are_imported_and_with_nothing_else(package: Path) -> None:
+    """Docstrings, comments and layout do not count; a number does, and a module that something imports."""
+    first, source = fresh_digest(), (package / "a.py").read_text()
+    for same in (source.replace("A.", "Another text.").replace("[m]", "Length [m]."), f"{source}  # why\n",
+                 source.replace("X = 1.0", "X = (\n    1.0)")):
+        (package / "a.py").write_text(same)
+        assert fresh_digest() == first
+    (package / "c.py").write_text("X = 1")
+    assert fresh_digest() == first
+    found = {first}
+    for name, text in (("a", source.replace("1.0", "2.0")), ("b", "X = 1"), ("case", "import mpm.a, mpm.c")):
+        (package / f"{name}.py").write_text(text)
+        found.add(fresh_digest())
+    assert len(found) == 4
+
+
+def test_modules_are_parsed_once(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also by the next process; a damaged memo is computed again."""
+    first = fresh_digest()
+    monkeypatch.setattr(digests, "parse_module", None)  # raises where it is called
+    assert fresh_digest() == first
+    monkeypatch.setattr(digests, "parse_module", parse_module)
+    (package.parent / "cache" / "code" / digests.MEMO).write_text("{")
+    assert fresh_digest() == first
+
+
+def test_a_digest_covers_all_that_a_run_computes_with() -> None:
+    files = {path.relative_to(digests.ROOT).as_posix() for path in source_files("robosim.studies.benchmarks.scene_run")}
+    assert {"mpm/stepping/phases.py", "mpm/solver.py", "robosim/coupling/plugin.py"} <= files
