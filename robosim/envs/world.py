@@ -16,8 +16,8 @@ from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, check_substeps, largest_step
 from robosim.scene.grains import Filling, fill, grain_volume, grain_volume_of
-from robosim.senses.channel import DRAWN_TIMING
 from robosim.senses.perception import Perception
+from robosim.senses.senses import DRAWN_TIMING
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL, build_counter
 from robosim.tasks.draw import HOME, Draw, Setting

@@ -15,7 +15,7 @@ import mpm
 import robosim  # noqa: F401  (registers the environments)
 from robosim.base.errors import ConfigError
 from robosim.envs.episode import NOTHING_COUNTED
-from robosim.senses.channel import Channel, Timing
+from robosim.senses.senses import Channel, Timing
 from robosim.senses.term import Sight, Term, box
 from robosim.tasks.actions import DelayLine, delay_steps
 

@@ -11,8 +11,7 @@ from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingH
 from robosim.recordings.reader import Recording
 from robosim.recordings.writer import RecordingWriter
 from robosim.viewer.charts import History, add_cursor, value_range
-from robosim.viewer.grain_colours import ASLEEP, OUTSIDE, GrainColours
-from robosim.viewer.scene_view import SceneView, Sight, find_in_sight
+from robosim.viewer.scene_view import ASLEEP, OUTSIDE, GrainColours, SceneView, Sight, find_in_sight
 from robosim.viewer.server import embed_html, start_server, stop_server
 
 GRAINS = GrainState(np.array([[0.0, 0, 0], [0.1, 0, 0], [0.4, 0, 0]]), np.array([0.0, 0.01, 3.0]),
