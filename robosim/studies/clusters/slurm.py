@@ -64,7 +64,8 @@ class SlurmLauncher:
         except ImportError:
             raise ConfigError("--launch slurm needs submitit: pip install '.[slurm]' in the checkout") from None
         self._submitit, self.table = submitit, read_table({})
-        self._partitions = list_partitions()
+        lines = _ask(["sinfo", "-h", "-o", "%P"]).splitlines()
+        self._partitions = sorted({line.strip().rstrip("*") for line in lines if line.strip()})
 
     def configure(self, table: Mapping[str, Any]) -> None:
         """Take over a `launch:` table; raises ConfigError, also for a partition that the cluster does not have."""
@@ -134,11 +135,6 @@ class SlurmLauncher:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         own = [line.split("JobFailed: ", 1)[1] for line in lines if "JobFailed: " in line]
         return own[-1] if own else f"{lines[-1]}; see {job.paths.stderr}"
-
-
-def list_partitions() -> list[str]:
-    """Return the partitions of the cluster; raises ConfigError where there is none."""
-    return sorted({line.strip().rstrip("*") for line in _ask(["sinfo", "-h", "-o", "%P"]).splitlines() if line.strip()})
 
 
 def list_jobs() -> set[str]:

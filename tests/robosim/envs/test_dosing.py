@@ -1,11 +1,10 @@
 """Dosing environments: the drawn target, no mass lost, the end, states, heaps that stand, and the shaker."""
 
-import pickle
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from grain_envs import make, make_vector, observe, play, same
+from grain_envs import make, make_vector, observe, play
 
 from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
@@ -104,19 +103,6 @@ def test_in_a_batch_each_ends_at_its_own_time() -> None:
             ends.append((k, e))
     assert ends == [(11, 0), (13, 1)]
     vector.close()
-
-
-def test_a_state_continues_to_the_bit(spoon: GrainEnv) -> None:
-    """In the middle of a vibration."""
-    spoon.reset(seed=2)
-    actions = np.random.default_rng(0).uniform(-1, 1, (20, 8)).astype(np.float32)
-    for action in actions[:10]:
-        spoon.step(action)
-    state = pickle.loads(pickle.dumps(spoon.state()))
-    first = [spoon.step(action) for action in actions[10:]]
-    spoon.reset(seed=7)
-    spoon.load(state)
-    assert same([spoon.step(action) for action in actions[10:]], first)
 
 
 def test_a_heap_in_a_still_spoon_stands(spoon: GrainEnv) -> None:
