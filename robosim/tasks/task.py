@@ -37,6 +37,7 @@ FAR = 10.0
 
 class ScriptedPath:
     """Tool poses over time, eased between waypoints, with R = Rz(yaw) Ry(pitch).
+
     times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world. pitches_deg (n,)."""
 
     def __init__(self, yaw_deg: float, times: np.ndarray, positions: np.ndarray, pitches_deg: np.ndarray) -> None:
