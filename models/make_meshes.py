@@ -13,9 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 ROOT = Path(__file__).resolve().parent
 sys.path[:0] = [str(ROOT), str(ROOT.parent)]  # the script also runs from a plain checkout
 
-from curves import bezier, compute_end_scale, make_stack, smoothstep, space_stations, sweep, write_solids  # noqa: E402
+from curves import (  # noqa: E402
+    bezier,
+    compute_end_scale,
+    loft,
+    make_stack,
+    revolve,
+    smoothstep,
+    space_stations,
+    superellipse,
+    sweep,
+    write_solids,
+)
 
-from robosim.shapes.solids import loft, make_container_shell, revolve, superellipse  # noqa: E402
+from robosim.shapes.containers import make_container_shell  # noqa: E402
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]

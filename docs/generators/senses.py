@@ -3,8 +3,7 @@
 import inspect
 
 from generators.markdown import code, table
-from robosim.senses.channel import TIMING
-from robosim.senses.senses import TERMS, accepted_options, find_term
+from robosim.senses.senses import TERMS, TIMING, accepted_options, find_term
 
 
 def page() -> str:

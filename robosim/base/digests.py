@@ -1,5 +1,4 @@
 """Digests of values and of code: whether a stored result is of today.
-
 The digest of code is that of its syntax tree without comments and docstrings, so that a reworded one changes no digest.
 """
 

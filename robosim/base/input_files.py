@@ -1,5 +1,4 @@
 """Files that others wrote: text, JSON and YAML, read within bounds on size and nesting.
-
 What a file says about itself (lengths, shapes, references) is compared with what is there before memory is taken."""
 
 import json
@@ -153,7 +152,6 @@ def _has_type(value: Any, kind: Any) -> bool:
 
 class StrictComposer:
     """To be put in front of a loader of PyYAML: refuses duplicate keys, deep nesting, and aliases that multiply.
-
     Raises InvalidValue, with the line."""
 
     _depth = _count = 0

@@ -1,5 +1,4 @@
 """Commands in processes of their own, each pinned to a core, so that they do not disturb each other's times.
-
 A command is arguments of `python -m`, and the file that its output is appended to. `run_here` runs them on this
 machine; a `Launcher` on others."""
 
@@ -125,7 +124,6 @@ def worker_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
 
 def end_with(parent: int) -> None:
     """Leave interrupts to the parent, and have the kernel kill this process when that ends (Linux only).
-
     A signal to the group would else end this process first, which the parent would take for a failure. And the
     processes of a killed command would go on: they would disturb times that are measured on their cores, and write to a
     folder whose lock is free."""

@@ -35,7 +35,6 @@ def aligned(lines: list[list[str]]) -> str:
 
 class OutputFolder:
     """The folder given as `--out`, checked before any work and kept from other processes as long as this lives.
-
     In a `with` statement status.json of one that is not shared says how far the work has come: "running", then
     "finished", "interrupted" or "failed". Raises ConfigError where the folder cannot be written, another process is at
     work there, or, unless it is shared, it has files and is none of an earlier run."""

@@ -18,7 +18,6 @@ BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt}{unit} [{elapsed}<{remaining}{postfix}]"
 
 class Progress(tqdm):
     """A bar of tqdm on stderr; where that is no terminal, a line every LINE_INTERVAL seconds, and one at the end.
-
     total: of the work. unit: of its parts, in the plural. decimals: of both, where they are no whole numbers. The other
     arguments are those of tqdm."""
 

@@ -1,5 +1,4 @@
 """A study: a list of jobs, each a function with arguments, and a row of each in a file of its own.
-
 A row is kept as soon as its job ends, in a folder that another call continues: what is there, of the same arguments and
 code, is not run again. A job that crashes costs its own row, and says why. Each job is a process of its own, pinned to
 a core here, or a job of a cluster: `python -m robosim.base.study FILE` runs the job that is written in FILE."""
@@ -94,7 +93,6 @@ class Store:
 
 class Study:
     """Runs jobs and keeps their rows in `folder`/rows; without a folder nothing is kept.
-
     processes: jobs at a time, here. launcher: runs them elsewhere."""
 
     def __init__(self, folder: Path | None, processes: int = 1, launcher: Launcher | None = None) -> None:

@@ -1,5 +1,4 @@
 """Tables of configuration files and their loading.
-
 Errors name the file or setting, the key, the value and what is accepted."""
 
 from collections.abc import Callable, Sequence

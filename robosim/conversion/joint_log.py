@@ -71,16 +71,15 @@ def _read_bag(path: Path, joints: Sequence[str], world: Sequence[str]) -> JointL
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.rosbag2.errors import ReaderError
+        from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise ConfigError(f"{path}: a bag needs {error.name}: pip install '.[ros]' in the checkout; accepted without "
                           f"it: a .csv file") from None
-    from robosim.conversion.messages import STORE
-
     states: dict[str, list] = {}
     wrenches: dict[str, list] = {}
     frames: dict[str, str] = {}
     try:
-        with AnyReader([path], default_typestore=STORE) as bag:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
             for connection, _, raw in bag.messages():
                 kind = connection.msgtype.rsplit("/", 1)[-1]
                 if kind not in ("JointState", "WrenchStamped"):

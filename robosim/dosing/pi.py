@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from robosim.dosing.balance import FlowMeter, Stream
 from robosim.dosing.command import LEVEL, DoseCommand, DoseController, DoseSight
-from robosim.dosing.flow import FlowMeter, Stream
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
 

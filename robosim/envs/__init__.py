@@ -47,7 +47,6 @@ def register() -> None:
 
 class RegistersAfterImport:
     """An import hook that registers the ids once Gymnasium's own import is done.
-
     Gymnasium 1.x has no entry points for plugins, and its import takes longer than all else that `--help` needs."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None,

@@ -22,7 +22,7 @@ from robosim.scene.build import build_scene_spec
 from robosim.scene.compiled import compile_scene
 from robosim.scene.grasp import CLOSING_SHARE
 from robosim.scene.models import assemble
-from robosim.senses.arm_sampler import ArmSampler
+from robosim.senses.arm import ArmSampler
 from robosim.tasks.counting import TOOL
 from robosim.tasks.draw import STANDARD, Setting
 from robosim.tasks.scene_setting import SceneSetting

@@ -77,7 +77,6 @@ class GrainBatch:
 
     def step(self, actions: np.ndarray) -> BatchStep:
         """Apply actions (n, dimensions).
-
         SAME_STEP: observation and info of an environment that ended are those of its next start, the last ones are in
         the last of the results. NEXT_STEP: an environment that ended in the step before ignores its action and starts.
         Raises ConfigError for an action that cannot be used, or without an episode, before any environment moves."""

@@ -21,7 +21,6 @@ Step = tuple[mpm.Counts, mpm.Pose]
 
 class Carrier:
     """Integrates commanded velocities, and moves the tool's collider along; a subclass has an arm move it.
-
     solver: the field that `advance` advances; None where somebody else does."""
 
     robot_data: Any = None

@@ -97,7 +97,6 @@ def check_open(method: str, is_closed: bool) -> None:
 
 class Copied:
     """An environment that `copy.deepcopy` and `pickle` make again from its arguments and then set to its state.
-
     Fields, kernels and renderers stay behind. Its `spec` has the largest number of actions of an episode: Gymnasium
     leaves it out where no TimeLimit counts, and a registered number would hold for one action_repeat only."""
 

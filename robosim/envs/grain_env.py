@@ -25,7 +25,6 @@ from robosim.tasks.task import TaskConfig, load_task
 
 class GrainEnv(Copied, gymnasium.Env):
     """Environment with a tool, or the whole arm, and grains; base class of all sub-tasks, whose pages describe it.
-
     Arguments are those of `robosim.envs.episode.EnvOptions` and any number of the material."""
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
@@ -86,7 +85,6 @@ class GrainEnv(Copied, gymnasium.Env):
     # episodes -------------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; return observation and info.
-
         options: {"nominal": True} for the start without its random displacement; "shift", a displacement [m] (3,) of
         the tool, and "turn_deg", a turn about the vertical through it, besides; {"draw": info["draw"]} of another reset
         repeats its episode. Raises UnknownName, ConfigError for others, ConfigError once it is closed."""
@@ -106,7 +104,6 @@ class GrainEnv(Copied, gymnasium.Env):
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Apply an action for `action_repeat` steps, or until the episode ends.
-
         Returns observation, reward, terminated, truncated and info. Where the simulation diverges, the observation is
         the last finite one and info["diverged"] has the reason. Raises ConfigError for an action that cannot be used,
         where no episode is running, and once it is closed."""

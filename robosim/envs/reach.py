@@ -1,5 +1,4 @@
 """Joint motion that an arm needs to carry a tool along a commanded motion, and a penalty on limits exceeded.
-
 No grains and no smoothing: joint angles q follow q' = J#(q) V with the damped inverse of the Jacobian, from the task's
 own start posture. Out of reach, or in a singular posture, the speeds exceed the limits."""
 

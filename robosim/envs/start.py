@@ -53,16 +53,6 @@ class StartOptions(NamedTuple):
     """What another episode has drawn, `info["draw"]` of its reset, in place of all else."""
 
 
-def turned(quaternion: np.ndarray, turn_deg: float) -> np.ndarray:
-    """Return a quaternion (w, x, y, z) after a turn about the vertical."""
-    if turn_deg == 0.0:
-        return quaternion
-    half = np.radians(turn_deg) / 2
-    c, s = np.cos(half), np.sin(half)
-    w, x, y, z = quaternion
-    return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
-
-
 def read_start(options: dict[str, Any] | None) -> StartOptions:
     """Return the options of a reset.
     Raises UnknownName for one that does not exist, ConfigError for a value that cannot be used."""

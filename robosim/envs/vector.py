@@ -1,5 +1,4 @@
 """Vector environments: `gymnasium.make_vec("robosim/SpoonPour-v0", num_envs=8)`.
-
 Environments of one process share a field and a launch; with several cores there is a process for each. With an arm or
 pictures, every environment has a field of its own and, by default, a process of its own. Processes are spawned, because
 a forked one could not use a GPU: a script that makes them needs `if __name__ == "__main__":`, or `workers=1`."""

@@ -7,16 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mpm
+from mpm.geometry.rigid_motion import rotate
 from robosim.base.errors import ConfigError
 from robosim.config.materials import Law, grain_diameter_of, load_material, overridden
 from robosim.envs.episode import EnvOptions
-from robosim.envs.start import StartOptions, rotate_grains, settled_state, turned
+from robosim.envs.start import StartOptions, rotate_grains, settled_state
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, check_substeps, largest_step
 from robosim.scene.grains import Filling, fill, grain_volume, grain_volume_of
-from robosim.senses.channel import DRAWN_TIMING
 from robosim.senses.perception import Perception
+from robosim.senses.senses import DRAWN_TIMING
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL, build_counter
 from robosim.tasks.draw import HOME, Draw, Setting
@@ -47,7 +48,6 @@ class FieldAccess(NamedTuple):
 
 class World:
     """A sub-task with a material; one environment runs in it, or a batch of them.
-
     name: of the file that the settled start is cached in. task: if the options have none. `observer.build` completes
     what is observed.
     Raises ConfigError, UnknownName for options that cannot be used."""
@@ -105,7 +105,8 @@ class World:
         """Return the pose at which the robot believes the tool at the start of an episode."""
         home, action, tool = self._home, self.task.action, np.array(draw.tool)
         position = np.clip(home.position + tool, action.lower, action.upper) if tool.any() else home.position
-        return mpm.Pose(position, turned(home.quaternion, draw.turn_deg))
+        turn = np.radians([0.0, 0.0, draw.turn_deg])
+        return mpm.Pose(position, rotate(home.quaternion, turn) if turn.any() else home.quaternion)
 
     def setting(self, draw: Draw) -> Setting:
         """Return how the scene of an episode differs from the task's."""

@@ -66,7 +66,6 @@ EPISODE = FilmStyle(height=480)
 
 def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = None) -> Path:
     """Draw the film of a run, its folder or one of its recordings; return its file.
-
     folder: None for that of the recordings. A rehearsal has a sheet of frames beside its film. Raises ConfigError for
     what cannot be drawn, UnknownName for camera and colour, RenderingUnavailable, and FilmFailed, as for a full disk.
     """

@@ -65,7 +65,6 @@ def unpack_scene(content: bytes) -> SceneState:
 
 class GrainCodec:
     """Packs the grains of the frames of one scene in order, or unpacks them.
-
     lower, upper: corners of the box in which positions are resolved [m] (3,)."""
 
     def __init__(self, lower: ArrayLike, upper: ArrayLike) -> None:

@@ -1,6 +1,7 @@
-"""A page of a scene that a program steps itself."""
+"""A page of a scene that a program steps itself; and ports of this machine that pages are served at."""
 
 import contextlib
+import socket
 import subprocess
 import sys
 import tempfile
@@ -10,14 +11,36 @@ from pathlib import Path
 import mujoco
 
 import mpm
-from robosim.recordings.ports import LOCAL, PORT, check_port
+from robosim.base.errors import ConfigError
 from robosim.recordings.reader import FILE
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
+
+LOCAL = "127.0.0.1"
+"""Address that this machine alone reaches."""
+PORT = 8080
+"""At which a page is served unless one asks for another."""
+
+
+def check_port(port: int) -> None:
+    """Raise ConfigError where a port cannot be listened at."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOCAL, port))
+        except OSError as error:
+            raise ConfigError(f"--port {port}: {error.strerror}; accepted: a free port, such as {free_port()}"
+                              ) from None
+
+
+def free_port() -> int:
+    """Return a port that is free now."""
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        return int(probe.getsockname()[1])
 
 
 class LiveView:
     """Records a scene while a program steps it, and serves its page from a process of its own.
-
     Call `update` after every step: it records a frame when one is due. The page follows, and plays what was recorded.
     tool: body whose path is drawn, and at which the force of `wrench` is. out: file that the recording is kept in,
     which `robosim view` plays; None: a temporary one. Raises ConfigError for a port that is in use."""

@@ -31,7 +31,6 @@ Block = tuple[int, int]
 
 class Recording(AbstractContextManager["Recording"]):
     """A recording, opened for reading, also while it is still written.
-
     Raises ConfigError for what is no recording, one of another version, or a damaged one. One that was cut short, as by
     a crash, is read as far as it goes."""
 

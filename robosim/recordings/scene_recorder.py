@@ -25,7 +25,6 @@ NO_GRAINS = GrainState(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, b
 
 class SceneRecorder:
     """Records poses, grains and readings of a scene into a file.
-
     solver: None for a scene without grains. paths: name -> positions (n, 3) [m]. more: further entries of
     `RecordingHeader`: kind, title, curves that `add` is given values of, tool at which grains act, ...
     Raises OSError where the file cannot be written."""

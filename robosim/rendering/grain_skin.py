@@ -1,11 +1,11 @@
 """Grains drawn as one MuJoCo skin, whose vertices are overwritten in each frame.
-
 A skin is lit, shaded, shadowed and occluded like any other geometry, and its vertices are streamed to the GPU (or to a
 software rasteriser) anyway. Each grain is a small octahedron of its own shape and attitude."""
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -41,17 +41,9 @@ def make_crystals(count: int, radius: float) -> Array:
     rng = np.random.default_rng(0)
     stretch = rng.uniform(0.75, 1.25, (count, 1, 3))
     corners = CORNERS * stretch + rng.uniform(-0.15, 0.15, (count, 6, 3))
-    rotated = np.einsum("nij,nkj->nki", draw_rotations(rng, count), radius * corners)
+    attitudes = Rotation.from_quat(rng.normal(size=(4, count)).T, scalar_first=True).as_matrix()
+    rotated = np.einsum("nij,nkj->nki", attitudes, radius * corners)
     return rotated[:, FACES.ravel()]
-
-
-def draw_rotations(rng: np.random.Generator, count: int) -> Array:
-    """Draw uniform random rotation matrices (count, 3, 3)."""
-    w, x, y, z = (q := rng.normal(size=(4, count))) / np.linalg.norm(q, axis=0)
-    rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
-    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def compute_normals(facets: Array) -> Array:

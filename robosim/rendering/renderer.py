@@ -29,7 +29,6 @@ class RenderingUnavailable(RobosimError, RuntimeError):
 
 class SceneRenderer:
     """Draws frames of one model, with its grains if it has a grain skin.
-
     width, height: in pixels. Raises RenderingUnavailable."""
 
     def __init__(self, model: mujoco.MjModel, grain_count: int, width: int = 1280, height: int = 720) -> None:

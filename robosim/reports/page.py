@@ -30,7 +30,6 @@ class Cell(NamedTuple):
 
 class Page:
     """A page, built from top to bottom, with the command, commit and machine in its header.
-
     origin: replaces entries of `provenance`."""
 
     def __init__(self, title: str, origin: dict[str, str] | None = None) -> None:

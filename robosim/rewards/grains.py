@@ -1,5 +1,4 @@
 """Terms of the grains: their distance to the goal, and where they end.
-
 Source: arXiv 2406.09178, section Problem Formulation, equations for pour, translate and scoop."""
 
 from typing import Annotated

@@ -1,5 +1,4 @@
 """Terms of the tool's motion: collisions with the container, and its rotation at the end.
-
 Source: arXiv 2406.09178, section Problem Formulation."""
 
 import math

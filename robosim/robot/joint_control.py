@@ -18,7 +18,6 @@ CATCH_UP = 20.0
 
 class JointSmoother:
     """Follows moving joint angles within the limits of speed, acceleration and jerk.
-
     Ruckig is given target velocities: the goal's, plus what closes the gap to it. With target positions that move
     from step to step it takes long ways around a goal that is near. Every step plans anew: Ruckig would otherwise
     follow its last plan where the request is unchanged, and round otherwise than one that begins in the same state."""
@@ -66,7 +65,6 @@ class JointSmoother:
 
 class Servo:
     """Joint servo of an arm: impedance control with gains of torque, computed torque with those per inertia.
-
     dt: MuJoCo's step [s]."""
 
     def __init__(self, arm: Arm, gains: Gains, dt: float) -> None:

@@ -1,5 +1,4 @@
 """The arm's kinematics, Jacobian and inverse dynamics, by Pinocchio on the robot-only model.
-
 The model is written from MuJoCo's compiled one with all digits: Pinocchio reads only the first body and drops <frame>
 elements, and MuJoCo's own writer rounds to six digits."""
 
@@ -48,7 +47,6 @@ class Gains(NamedTuple):
 
 class Arm:
     """The n joints of an arm with hand and tool.
-
     The fingers' joints stay at their neutral angles. Vectors q, qd and qdd hold angles [rad], speeds [rad/s] and
     accelerations [rad/s^2] of the joints from the base to the flange, shape (n,)."""
 

@@ -1,5 +1,4 @@
 """Errors of a robot's model: what a real arm differs by from the one that plans and controls.
-
 Ranges: payload, friction and tool pose as a laboratory identifies them by hand; latency of a controller that is given
 joint commands over a network; gains of joint impedance control, which is calibrated to about a tenth."""
 

@@ -1,5 +1,4 @@
 """An arm as a value: model, joints from base to flange, limits and gains, each with its source.
-
 Any MJCF or URDF of a serial arm of 5 to 8 joints serves. What the model says is not asked for again; what neither the
 model nor the configuration says is an error, or an assumption that is named in `Robot.sources`."""
 

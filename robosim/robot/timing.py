@@ -87,7 +87,6 @@ class _Segments:
 
 class StraightMotion(_Segments):
     """Motion straight from corner to corner in joint space, at rest in each of them, within limits.
-
     corners (k, n) [rad]. Ruckig times the way along each straight line, as a single coordinate from 0 to 1."""
 
     delay = 0.0

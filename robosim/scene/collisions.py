@@ -11,7 +11,6 @@ from robosim.scene.compiled import Scene
 
 class ContactCounter:
     """MuJoCo's contacts of the robot, summed over all steps since the last `restart`.
-
     The base, which stands where it stands, is no part of the robot here. containers: names of the containers' bodies.
     """
 

@@ -16,7 +16,6 @@ Array = NDArray[np.float64]
 
 class Container:
     """A container that stands in a scene: its body, its collider and its grains.
-
     name: of its body; of models/containers, too, unless keys give a model, size, radius with height, or mesh. keys: of
     `robosim.config.scene.ContainerConfig`, such as position. Raises ConfigError for a wrong mesh, and ValueError
     (pydantic.ValidationError) for wrong keys."""

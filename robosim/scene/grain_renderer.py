@@ -16,7 +16,6 @@ SALT = (0.93, 0.93, 0.95)
 
 class GrainRenderer:
     """Draws a copy of a specification with the grains of a solver, which have a colour.
-
     width, height: of pictures, in pixels. Raises RenderingUnavailable where there is no OpenGL."""
 
     def __init__(self, spec: mujoco.MjSpec, solver: mpm.Solver, *, colour: tuple[float, float, float] = SALT,

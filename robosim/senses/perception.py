@@ -11,10 +11,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.senses.channel import DRAWN_TIMING, Timing
 from robosim.senses.grains import GrainsTerm, ObservedGrains
 from robosim.senses.motion import TargetTerm, TimeTerm, ToolTerm
-from robosim.senses.senses import Choice, Senses, TermOptions, describe, read_choices
+from robosim.senses.senses import DRAWN_TIMING, Choice, Senses, TermOptions, Timing, describe, read_choices
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term
 from robosim.tasks.counting import observed_grains
 from robosim.tasks.observation import dose_terms

@@ -9,8 +9,7 @@ import numpy as np
 
 import mpm
 from robosim.config.materials import MaterialConfig
-from robosim.rendering.depth_camera import DepthCamera
-from robosim.rendering.depth_noise import find_noise
+from robosim.rendering.depth_camera import DepthCamera, find_noise
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec

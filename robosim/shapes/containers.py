@@ -1,5 +1,4 @@
 """Containers: walls, what is in them, and their distances, whatever they were made from.
-
 Frame: z up; of a box or a round one, the origin is the centre of the inner floor. Lengths are metres."""
 
 from abc import ABC, abstractmethod
@@ -8,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import binary_dilation
 
 import mpm
@@ -17,7 +16,6 @@ from robosim.base.errors import ConfigError
 from robosim.shapes.grown_wall import grow_outward, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside
 from robosim.shapes.mesh_files import join, read_parts
-from robosim.shapes.solids import CONTAINER_CORNER, make_box_face, make_container_shell, revolve, revolve_face
 
 Array = NDArray[np.float64]
 Found = NDArray[np.bool_]
@@ -26,6 +24,10 @@ RIM_MARGIN = 0.02
 """Height above a container's rim up to which grains count as in it."""
 WALL_MARGIN, FLOOR_MARGIN = 1e-3, 5e-3
 """Distances beyond the inner walls, and below the floor, up to which grains count as in it."""
+CONTAINER_CORNER = 0.008
+"""Inner radius of the upright edges of a box."""
+SECTORS = 64
+"""Of a round one's walls."""
 VOLUME_SAMPLES = 50_000
 """Points of the box around an inside by which its volume is measured."""
 
@@ -157,11 +159,13 @@ class RoundShape(UprightShape):
 
     def _solid(self, wall: float) -> trimesh.Trimesh:
         outer, high = self.radius + wall, self._height
-        return revolve([(0.0, -wall), (outer, -wall), (outer, high), (self.radius, high), (self.radius, 0.0),
-                        (0.0, 0.0)], 64)
+        return trimesh.creation.revolve([(0.0, -wall), (outer, -wall), (outer, high), (self.radius, high),
+                                         (self.radius, 0.0), (0.0, 0.0)], sections=SECTORS)
 
     def _face(self) -> trimesh.Trimesh:
-        return revolve_face([(0.0, 0.0), (self.radius, 0.0), (self.radius, self._height)], 64)
+        face = trimesh.creation.revolve([(0.0, 0.0), (self.radius, 0.0), (self.radius, self._height)], sections=SECTORS)
+        face.invert()
+        return face
 
     def _is_across(self, points: Array) -> Found:
         return np.hypot(points[:, 0], points[:, 1]) < self.radius + WALL_MARGIN
@@ -220,3 +224,52 @@ def _read_container(path: Path, thickness: float | None, scale: float, stamp: in
         return MeshShape(parts, find_inside(parts))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def join_rings(rings: ArrayLike, *, has_lid: bool = True) -> trimesh.Trimesh:
+    """Join k rings of points (k, n, 3) [m] by faces, and close the first one, and with a lid the last, by flat fans."""
+    corners = np.asarray(rings, float)
+    k, n, _ = corners.shape
+    here = np.arange(n)
+    after = np.roll(here, -1)
+    row = n * np.arange(k - 1)[:, None]
+    a, b, c, d = (row + here, row + after, row + n + after, row + n + here)
+    faces = [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3),
+             np.stack([np.full(n, k * n), after, here], axis=1)]
+    if has_lid:
+        faces.append(np.stack([np.full(n, k * n + 1), (k - 1) * n + here, (k - 1) * n + after], axis=1))
+    vertices = np.concatenate([corners.reshape(-1, 3), corners[[0, -1] if has_lid else [0]].mean(1)])
+    return trimesh.Trimesh(vertices, np.concatenate(faces), process=False)
+
+
+def box_outline(size: Array, corner: float, grow: float, z: float) -> Array:
+    """Make the rounded rectangle (n, 3) of a box, grown outward by `grow` [m], at height z [m]."""
+    arc = np.linspace(0.0, np.pi / 2.0, 7)
+    half = size[:2] / 2.0 - corner
+    parts = []
+    for i, sign in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        angle = arc + i * np.pi / 2.0
+        direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        parts.append(half * np.array(sign) + (corner + grow) * direction)
+    flat = np.concatenate(parts)
+    return np.column_stack([flat, np.full(len(flat), z)])
+
+
+def make_box_face(inner_size: ArrayLike, corner: float) -> trimesh.Trimesh:
+    """Make the inner face of an open-topped box with rounded upright edges; arguments as of `make_container_shell`."""
+    size = np.asarray(inner_size, float)
+    face = join_rings([box_outline(size, corner, 0.0, z) for z in (0.0, float(size[2]))], has_lid=False)
+    face.invert()
+    return face
+
+
+def make_container_shell(inner_size: ArrayLike, wall: float = 0.006,
+                         corner: float = CONTAINER_CORNER) -> trimesh.Trimesh:
+    """Make an open-topped box with rounded upright edges; its origin is the centre of the inner floor, z up.
+    inner_size (3,): cavity [m]. wall: thickness [m] of walls and floor. corner: inner radius [m] of the upright edges.
+    """
+    size = np.asarray(inner_size, float)
+    lip, top = wall / 3.0, float(size[2])  # bevels of the upper rim catch the light
+    return join_rings([box_outline(size, corner, grow, z) for grow, z in (
+        (wall - lip, -wall), (wall, lip - wall), (wall, top - lip), (wall - lip, top), (lip, top), (0.0, top - lip),
+        (0.0, 0.0))])

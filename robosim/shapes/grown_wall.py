@@ -1,5 +1,4 @@
 """The collider of a thin wall: thickened outward, so that what the vessel holds stays as it is.
-
 Through a wall thinner than a grid cell grains would pass. The distance is that of the union of the real solid and of a
 layer behind its inner surface: places within the growth of the solid, below the water's level, not on the inner side.
 """

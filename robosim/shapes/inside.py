@@ -1,5 +1,4 @@
 """The inside of a vessel, found from its mesh: the space that holds water while the vessel is level.
-
 A place holds water if no way out of it leads over places that are no higher. Closed hollows, into which nothing can be
 poured, are no part of it."""
 

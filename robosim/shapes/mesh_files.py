@@ -1,5 +1,4 @@
 """Meshes of a laboratory's own tools and containers: read, checked, and made closed.
-
 A closed part is a solid, an open one the middle of a wall. What is wrong with a file is refused by name, because a tool
 that leaks or holds the wrong volume looks right in every picture."""
 

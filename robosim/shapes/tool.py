@@ -29,7 +29,6 @@ FOREMOST = 1e-6
 
 class ToolShape:
     """Shape of a tool, in its mesh's frame: z up while the tool is level; lengths in metres.
-
     Raises ConfigError for what is wrong with meshes, handle or inside."""
 
     def __init__(self, config: ToolConfig) -> None:

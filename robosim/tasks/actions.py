@@ -48,7 +48,6 @@ def move_pose(pose: mpm.Pose, task: TaskConfig, linear: np.ndarray, angular: np.
 
 class DelayLine:
     """Velocities that were commanded and that the robot has yet to carry out; at rest in the beginning.
-
     steps: for which each is delayed. rest: what is carried out until then."""
 
     def __init__(self, steps: int, rest: Velocity = AT_REST) -> None:

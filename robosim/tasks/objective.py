@@ -1,5 +1,4 @@
 """Differentiable counterpart of a sub-task's reward, for demonstrations by gradient descent.
-
 Terms that count grains have no gradient and are left out (arXiv 2406.09178, Algorithm 2). Two terms are added: the
 distance from the tool to its material, and the depth by which the tool enters a container's clearance."""
 

@@ -1,5 +1,4 @@
 """How far an episode has come, by its grains or by the dosed mass: readings, success, and an end before its time.
-
 Masses are in kg. What is poured is the mass in the receiver; in a task without one, the mass in the tool."""
 
 import copy

@@ -9,9 +9,8 @@ import viser
 from robosim.recordings.header import CameraEntry
 from robosim.recordings.reader import Recording
 from robosim.viewer.charts import Charts, History
-from robosim.viewer.grain_colours import COLOURINGS, LEGENDS
 from robosim.viewer.overlays import OVERLAYS
-from robosim.viewer.scene_view import SceneView, aim_first_camera
+from robosim.viewer.scene_view import COLOURINGS, LEGENDS, SceneView, aim_first_camera
 
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
 PERIOD, REFRESH, CAMERA_PERIOD, CURSOR_PERIOD = 0.02, 0.5, 0.1, 0.4

@@ -1,20 +1,40 @@
-"""The scene of a recording in a browser: bodies, grains and overlays, at any of its frames."""
+"""The scene of a recording in a browser: bodies, the grains that its camera sees, coloured, and overlays."""
 
-from typing import Any
+from typing import Any, Literal, NamedTuple, get_args
 
+import matplotlib
 import numpy as np
 import viser
+from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.recordings.frames import GrainState, SceneState
+from robosim.recordings.frames import PRESSURES, SPEEDS, GrainState, SceneState
 from robosim.recordings.header import CameraEntry, find_placed
 from robosim.recordings.reader import Recording
 from robosim.rendering.grain_skin import find_hidden
 from robosim.viewer.charts import History
-from robosim.viewer.grain_colours import GrainColours
 from robosim.viewer.overlays import Overlays
-from robosim.viewer.sight import find_in_sight, read_sight
 
+Colouring = Literal["material", "speed", "pressure", "awake", "outside"]
+COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
+LEGENDS: dict[str, str] = {
+    "material": "", "speed": "speed: dark 1 mm/s, bright 1 m/s", "pressure": "pressure: dark 10 Pa, bright 100 kPa",
+    "awake": "blue: asleep, not computed", "outside": "red: outside of tool and places",
+}
+"""Colouring -> what its colours mean."""
+SPEED_RANGE, PRESSURE_RANGE = (SPEEDS[0], 1.0), (10.0, PRESSURES[1] / 10.0)
+"""Values of the darkest and the brightest colour [m/s], [Pa]."""
+ASLEEP, OUTSIDE = (64, 97, 158), (214, 48, 32)
+"""RGB of grains that sleep, and of those outside of all places."""
+SHADES = 0.16
+"""Half range of the brightness of grains of one material: without it a heap has no surface."""
+CELL, DEPTH = 1.6, 2.5
+"""Side of the cells in which grains hide each other, and the depth below the first one to which they are seen, in
+radii of a grain: the first layer and what shines through it."""
+MARGIN = 1.15
+"""Part of the picture, from its middle, in which grains are kept, so that a small turn shows no gap."""
+MOVED, TURNED = 0.02, 0.02
+"""Movement of a camera, in its distance from what it looks at, and turn [rad], from which grains are chosen anew."""
 CELL_IN_RADII = 4.0
 """Side of the cubes that find grains inside a heap, which nobody sees, in radii of a drawn grain."""
 GRAIN_SIZE = 1.8
@@ -22,6 +42,86 @@ GRAIN_SIZE = 1.8
 BACKGROUND = np.full((1, 1, 3), 214, np.uint8)
 SKY, GROUND = (235, 240, 250), (150, 145, 140)
 """RGB of the light from above and from below."""
+
+
+class GrainColours:
+    """Colours of n grains; material: RGB, 0 to 1."""
+
+    def __init__(self, n: int, material: tuple[float, float, float]) -> None:
+        shades = np.random.default_rng(0).uniform(1.0 - 2.0 * SHADES, 1.0, (n, 1))
+        self._material = np.clip(255.0 * shades * np.asarray(material), 0.0, 255.0).astype(np.uint8)
+        self._tables = {colouring: (255 * matplotlib.colormaps[name](np.linspace(0, 1, 256))[:, :3]).astype(np.uint8)
+                        for colouring, name in (("speed", "viridis"), ("pressure", "inferno"))}
+
+    def colours(self, grains: GrainState, colouring: str, placed: np.ndarray | None = None) -> np.ndarray:
+        """Return colours (n, 3), uint8; placed (n,): which grains are in the tool or a place."""
+        if colouring in ("speed", "pressure"):  # on a logarithmic scale
+            values, (low, high) = (grains.speeds, SPEED_RANGE) if colouring == "speed" else \
+                (grains.pressures, PRESSURE_RANGE)
+            share = np.log(np.clip(values, low, high) / low) / np.log(high / low)
+            return self._tables[colouring][(255 * share).astype(np.uint8)]
+        marked = {"awake": (~grains.awake, ASLEEP), "outside": (None if placed is None else ~placed, OUTSIDE)}
+        chosen, colour = marked.get(colouring, (None, ASLEEP))
+        if chosen is None or not chosen.any():
+            return self._material
+        result = self._material.copy()
+        result[chosen] = colour
+        return result
+
+
+class Sight(NamedTuple):
+    """A camera, as of a page."""
+
+    eye: np.ndarray
+    """(3,) [m]"""
+    axes: np.ndarray
+    """Columns: its axes to the right, down and ahead (3, 3)."""
+    half_height: float
+    """Tangent of half the vertical angle of the picture."""
+    half_width: float
+
+    def has_moved(self, other: "Sight | None", distance: float) -> bool:
+        """Return whether another camera sees other grains; distance: to these [m]."""
+        if other is None:
+            return True
+        turn = np.arccos(np.clip((np.trace(self.axes.T @ other.axes) - 1.0) / 2.0, -1.0, 1.0))
+        return bool(np.linalg.norm(self.eye - other.eye) > MOVED * distance or turn > TURNED
+                    or abs(self.half_height / other.half_height - 1.0) > TURNED
+                    or abs(self.half_width / other.half_width - 1.0) > TURNED)
+
+
+def read_sight(server: viser.ViserServer) -> Sight | None:
+    """Return the camera of the only page; None where there is none, or where several see different things."""
+    clients = list(server.get_clients().values())
+    if len(clients) != 1:
+        return None
+    camera = clients[0].camera
+    try:
+        axes = Rotation.from_quat(camera.wxyz, scalar_first=True).as_matrix()
+        half = float(np.tan(camera.fov / 2.0))
+        return Sight(np.array(camera.position, float), axes, half, half * float(camera.aspect))
+    except (AttributeError, ValueError):  # the page has not said yet where its camera is
+        return None
+
+
+def find_in_sight(positions: np.ndarray, sight: Sight, radius: float) -> np.ndarray:
+    """Return which grains (n,) a camera sees past the others; radius: of a grain [m]. positions: (n, 3) [m]."""
+    x, y, depth = ((positions - sight.eye) @ sight.axes).T
+    ahead = np.maximum(depth, 1e-3)
+    right, down = x / ahead, y / ahead
+    kept = (depth > 0.0) & (np.abs(right) < MARGIN * sight.half_width) & (np.abs(down) < MARGIN * sight.half_height)
+    if not kept.any():
+        return kept
+    inside = np.flatnonzero(kept)
+    step = CELL * radius / float(np.median(ahead[inside]))
+    columns, rows = (np.floor(part[inside] / step).astype(np.int64) for part in (right, down))
+    columns -= columns.min()
+    rows -= rows.min()
+    cells = rows * (int(columns.max()) + 1) + columns
+    nearest = np.full(int(cells.max()) + 1, np.inf)
+    np.minimum.at(nearest, cells, depth[inside])
+    kept[inside] = depth[inside] <= nearest[cells] + DEPTH * radius
+    return kept
 
 
 class SceneView:

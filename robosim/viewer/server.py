@@ -9,7 +9,7 @@ from unittest import mock
 import viser
 import websockets.asyncio.server as websocket_server
 
-from robosim.recordings.ports import LOCAL, PORT, check_port, free_port
+from robosim.recordings.live import LOCAL, PORT, check_port, free_port
 from robosim.recordings.reader import Recording
 from robosim.viewer.charts import History
 from robosim.viewer.connection import ViewerConnection

@@ -12,9 +12,17 @@ import trimesh
 ROOT = Path(__file__).resolve().parent
 sys.path[:0] = map(str, ROOT.parents[1:3])  # the script also runs from a plain checkout
 
-from curves import bezier, compute_end_scale, make_stack, smoothstep, space_stations, sweep, write_solids  # noqa: E402
-
-from robosim.shapes.solids import revolve, superellipse  # noqa: E402
+from curves import (  # noqa: E402
+    bezier,
+    compute_end_scale,
+    make_stack,
+    revolve,
+    smoothstep,
+    space_stations,
+    superellipse,
+    sweep,
+    write_solids,
+)
 
 Parts = dict[str, trimesh.Trimesh]
 

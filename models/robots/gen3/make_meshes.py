@@ -14,9 +14,7 @@ import trimesh
 ROOT = Path(__file__).resolve().parent
 sys.path[:0] = map(str, ROOT.parents[1:3])  # the script also runs from a plain checkout
 
-from curves import make_stack, smoothstep, write_solids  # noqa: E402
-
-from robosim.shapes.solids import loft, revolve, superellipse  # noqa: E402
+from curves import loft, make_stack, revolve, smoothstep, superellipse, write_solids  # noqa: E402
 
 Parts = dict[str, trimesh.Trimesh]
 

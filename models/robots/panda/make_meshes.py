@@ -15,9 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 ROOT = Path(__file__).resolve().parent
 sys.path[:0] = map(str, ROOT.parents[1:3])  # the script also runs from a plain checkout
 
-from curves import bezier, compute_end_scale, sweep, write_solids  # noqa: E402
-
-from robosim.shapes.solids import loft, revolve, superellipse  # noqa: E402
+from curves import bezier, compute_end_scale, loft, revolve, superellipse, sweep, write_solids  # noqa: E402
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]

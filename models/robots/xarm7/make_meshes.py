@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 FOLDER = Path(__file__).resolve().parent
 sys.path[:0] = map(str, FOLDER.parents[1:3])  # the script also runs from a plain checkout
 
-from curves import write_solids  # noqa: E402
-
-from robosim.shapes.solids import loft, revolve, superellipse  # noqa: E402
+from curves import loft, revolve, superellipse, write_solids  # noqa: E402
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parent
 sys.path[:0] = map(str, ROOT.parents[:3])  # the script also runs from a plain checkout
 
-from curves import smoothstep  # noqa: E402
+from curves import revolve, revolve_face, smoothstep  # noqa: E402
 from forms import WALL, make_files, write_files  # noqa: E402
-
-from robosim.shapes.solids import revolve, revolve_face  # noqa: E402
 
 RADIUS, BODY, SHOULDER, NECK_RADIUS, NECK = 0.030, 0.065, 0.015, 0.020, 0.013
 """Of the cavity: radius and height of the body, height of the shoulder, radius and height of the neck."""

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parent
 sys.path[:0] = map(str, ROOT.parents[:3])  # the script also runs from a plain checkout
 
+from curves import make_face  # noqa: E402
 from forms import WALL, make_files, write_files  # noqa: E402
 from sheets import compute_normals, make_wall  # noqa: E402
-
-from robosim.shapes.solids import make_face  # noqa: E402
 
 LENGTH, WIDTH, DEPTH = 0.085, 0.060, 0.030
 """Of the trough's cavity."""

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parent
 sys.path[:0] = map(str, ROOT.parents[:3])  # the script also runs from a plain checkout
 
+from curves import loft, make_face, superellipse  # noqa: E402
 from forms import WALL, make_files, write_files  # noqa: E402
-
-from robosim.shapes.solids import loft, make_face, superellipse  # noqa: E402
 
 BOWL: NDArray[np.float64] = np.array([0.035, 0.025, 0.030])
 """Semi-axes of the bowl's cavity."""

@@ -1,11 +1,11 @@
 """`robosim bench`: speed of coupling, kinematics, environments and rendering.
-
 Each figure is the median of repeated runs in a process of its own."""
 
 import os
 import statistics
 import sys
 import time
+import timeit
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -35,12 +35,7 @@ RESETS = "resets_"
 
 def median_seconds(work: Callable[[], object], repeats: int = 5) -> float:
     """Return the median wall time [s] of calls, after a first one that is not timed."""
-    times = []
-    for _ in range(repeats + 1):
-        begin = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begin)
-    return statistics.median(times[1:])
+    return statistics.median(timeit.repeat(work, number=1, repeat=repeats + 1)[1:])
 
 
 def measure_coupling() -> dict[str, float]:

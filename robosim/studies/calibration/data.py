@@ -1,5 +1,4 @@
 """Files of measurements: height maps, profiles and curves of mass, with what makes them unusable.
-
 A heap is compared ring by ring about the column's axis; a ring's height is the mean of its readings. A map whose rings
 hold another volume than the column had is of another unit or scale, and is refused."""
 
@@ -113,7 +112,6 @@ def make_rings(name: str, heap: HeapExperiment, data: HeapData) -> Rings:
 
 def find_edge(name: str, heap: HeapExperiment, heights: np.ndarray, counts: np.ndarray) -> int:
     """Return the number of rings up to the last one above the floor.
-
     Rings of bare floor agree with any numbers: the more of them a map has, the less a misfit of the heap would count.
     heights: (k,) means of rings [m]; counts: (k,) their readings. Raises ConfigError where no ring is above the floor.
     """

@@ -1,5 +1,4 @@
 """Emulator of a simulated experiment: Gaussian processes on the principal components of its outputs.
-
 Outputs are divided by their errors first, so that all numbers here are in standard deviations of the readings; the
 numbers of the material are scaled to 0 to 1 in their ranges. A process has a length scale for each number and a term of
 noise, which takes up what the particles' places change. Source: Higdon et al. 2008, J. Am. Stat. Assoc. 103:570."""
@@ -20,7 +19,6 @@ is linear."""
 
 class Emulator:
     """Predicts an experiment's outputs from those of some runs.
-
     points: (r, d) numbers of the material in [0, 1]; outputs: (r, n) in standard deviations of the readings."""
 
     def __init__(self, points: np.ndarray, outputs: np.ndarray) -> None:

@@ -25,8 +25,7 @@ from robosim.studies.calibration.measurements import (
     ShearExperiment,
     TiltExperiment,
 )
-from robosim.studies.columns import rim
-from robosim.studies.verification.cases.beds import shear_ratio
+from robosim.studies.verification.cases.beds import rim, shear_ratio
 
 HEAP_ERROR = 0.25
 """Error of a simulated height in cells, unless `model_error` says otherwise: heaps of a column of sugar, 80 mm wide and

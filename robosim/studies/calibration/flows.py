@@ -13,8 +13,7 @@ import trimesh
 import mpm
 from robosim.config.materials import Law, MaterialConfig
 from robosim.studies.calibration.measurements import HeapExperiment, PourExperiment
-from robosim.studies.columns import fill_column, rim
-from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.beds import courant_step, fill_column, rim
 
 G = 9.81
 LIP_CELLS, STEP = 2.0, 0.02

@@ -132,7 +132,6 @@ class Advice(NamedTuple):
 def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, found: Search,
            possible: dict[str, Emulator]) -> list[Advice]:
     """Rank further measurements by what they would narrow most.
-
     Each fitted experiment once more, measurements with a closed form, and the file's candidates by their emulators.
     Expected covariances are those of a linear regression of the numbers on the predicted readings over the posterior's
     samples (Bayes linear; Goldstein & Wooff 2007), which needs no data of the measurement."""

@@ -24,7 +24,6 @@ class JobFailed(RuntimeError):
 
 class ClusterJob:
     """Runs a command in a process of its own.
-
     Follows submitit's protocol of checkpoints: where its time ends or it is preempted, the command writes its own
     checkpoint and the same job is queued again. It is pickled by reference, so a job needs this package alone."""
 

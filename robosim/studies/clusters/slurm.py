@@ -1,22 +1,58 @@
-"""Arrays of SLURM jobs, submitted by submitit and queued again where their time ends."""
+"""Arrays of SLURM jobs, submitted by submitit and queued again where their time ends, and the table `launch:`."""
 
 import subprocess
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import pydantic
+from pydantic import Field
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.files import write_json
 from robosim.base.input_files import read_json
 from robosim.base.jobs import Command, Ended
-from robosim.config.table import read
+from robosim.config.bounds import FilePath, Name
+from robosim.config.table import Table, describe, list_errors, read
 from robosim.studies.clusters import LAUNCHERS
 from robosim.studies.clusters.job import ClusterJob
-from robosim.studies.clusters.launch import read_table
 
+Line = Annotated[str, Field(max_length=2000)]
 UNSEEN = 5
 """Times that the queue lacks a job without a result before it counts as lost."""
+
+
+class LaunchTable(Table):
+    """What a job of a cluster is given."""
+
+    partition: Name = ""
+    """Partition of SLURM; empty: the cluster's own choice."""
+    account: Name = ""
+    qos: Name = ""
+    hours: float = Field(24.0, gt=0.0, le=10_000.0)
+    """Time limit of a job [h]; one that reaches it is queued again and continues from its checkpoint."""
+    memory_gb: float = Field(4.0, gt=0.0, le=100_000.0)
+    cores: int = Field(1, ge=1, le=1024)
+    """Cores of a job; a run computes on one."""
+    parallel: int = Field(256, ge=1, le=100_000)
+    """Most jobs that run at the same time."""
+    warning_s: int = Field(90, ge=1, le=3600)
+    """Time [s] before the limit at which a job is warned to write its checkpoint."""
+    setup: Annotated[list[Line], Field(max_length=100)] = []  # noqa: RUF012
+    """Lines of shell before the run, such as `module load ...`."""
+    python: FilePath = ""
+    """Command that starts Python there, such as `apptainer exec lab.sif python`; empty: this one."""
+    extra: Annotated[dict[Name, Line | int | float | bool], Field(max_length=100)] = {}  # noqa: RUF012
+    """Further options of sbatch, such as constraint: avx512."""
+
+
+def read_table(table: Mapping[str, Any]) -> LaunchTable:
+    """Return a `launch:` table; raises ConfigError for one that is wrong."""
+    try:
+        return LaunchTable.model_validate(dict(table))
+    except pydantic.ValidationError as error:
+        raise ConfigError("launch: " + list_errors(error, table, lambda e: describe(e, LaunchTable))) from None
 
 
 class SlurmLauncher:
@@ -28,7 +64,8 @@ class SlurmLauncher:
         except ImportError:
             raise ConfigError("--launch slurm needs submitit: pip install '.[slurm]' in the checkout") from None
         self._submitit, self.table = submitit, read_table({})
-        self._partitions = list_partitions()
+        lines = _ask(["sinfo", "-h", "-o", "%P"]).splitlines()
+        self._partitions = sorted({line.strip().rstrip("*") for line in lines if line.strip()})
 
     def configure(self, table: Mapping[str, Any]) -> None:
         """Take over a `launch:` table; raises ConfigError, also for a partition that the cluster does not have."""
@@ -98,11 +135,6 @@ class SlurmLauncher:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         own = [line.split("JobFailed: ", 1)[1] for line in lines if "JobFailed: " in line]
         return own[-1] if own else f"{lines[-1]}; see {job.paths.stderr}"
-
-
-def list_partitions() -> list[str]:
-    """Return the partitions of the cluster; raises ConfigError where there is none."""
-    return sorted({line.strip().rstrip("*") for line in _ask(["sinfo", "-h", "-o", "%P"]).splitlines() if line.strip()})
 
 
 def list_jobs() -> set[str]:

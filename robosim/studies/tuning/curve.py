@@ -33,7 +33,6 @@ APPROACH = 3.0
 def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 4.0, most_deg: float = 120.0,
                   seed: int = 0, material: str | None = None) -> int:
     """Measure the pour curve of a task; write curve.json and the task's numbers with it as numbers.yaml into a folder.
-
     episodes: over which the curve is the mean, with the seeds from `seed` on and the task's own random starts.
     rate_deg [deg/s]: of the tilt. most_deg [deg]: last tilt. Returns 0, or 1 where a simulation diverged or too little
     left the tool for a curve. Raises ConfigError as `mean_curve`."""

@@ -64,7 +64,7 @@ def test_a_bag_has_what_the_run_has(kind: str, run: Path, tmp_path: Path, capsys
     pytest.importorskip("rosbags")
     from rosbags.rosbag2 import Reader
 
-    from robosim.conversion.messages import STORE
+    from robosim.conversion.bag import STORE
 
     assert main(["convert", str(run), "--to", kind, "--out", str(tmp_path / "bag")]) == 0
     with Reader(tmp_path / "bag") as reader:

@@ -32,7 +32,7 @@ def write_bag(path: Path, frame: str, topics: tuple[str, ...] = ("/joint_states"
     pytest.importorskip("rosbags")
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    from robosim.conversion.messages import STORE, joint_state, wrench
+    from robosim.conversion.bag import STORE, joint_state, wrench
 
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         joints = [writer.add_connection(topic, "sensor_msgs/msg/JointState", typestore=STORE) for topic in topics]

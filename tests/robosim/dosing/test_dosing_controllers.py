@@ -1,15 +1,19 @@
-"""Dosing controllers on a plain model of a tool that pours: what they reach, and what they never do."""
+"""Dosing: pour curves, balances, and controllers on a plant without grains."""
+
+import copy
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from pouring_plant import SALT, VIBRATION, Dose, Plant, shifted
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.dosing import CONTROLLERS
+from robosim.dosing.balance import Balance, FlowMeter
 from robosim.dosing.command import accepted_error
 from robosim.dosing.controllers import make_controller
-from robosim.dosing.flow import FlowMeter
-from robosim.dosing.numbers import DosingNumbers
+from robosim.dosing.numbers import DosingNumbers, load_dosing
 from robosim.dosing.pour_curve import PourCurve
 
 NUMBERS = DosingNumbers.model_validate({
@@ -140,3 +144,78 @@ def test_the_flow_of_the_shortest_accepted_window() -> None:
         meter = FlowMeter(3 * control_dt)
         flows = [meter.add(k * control_dt, 2e-3 * k * control_dt).flow for k in range(10)]
         assert flows[:2] == [0.0, 0.0] and flows[2:] == pytest.approx([2e-3] * 8)
+
+
+def test_the_filter_does_not_depend_on_the_interval_of_readings() -> None:
+    """Of a mass that stays the same after a step: each reading is on the exponential."""
+    balance, rng = Balance(0.2, 0.0, 0.0), np.random.default_rng(0)
+    for interval in (0.01, 0.05, 0.37):
+        memory = balance.start(1.0, 0.1)
+        for time in 1.0 + interval * np.arange(1, 12):
+            shown = balance.read(memory, time, 0.14, rng, tare=0.1)
+            assert shown == pytest.approx(0.04 * (1.0 - np.exp(-(time - 1.0) / 0.2)), rel=1e-9)
+
+
+def test_the_zero_drifts_along_a_line_with_a_slope_of_its_own() -> None:
+    balance, slopes = Balance(0.0, 0.0, 0.0, drift=1e-5), []
+    for seed in range(400):
+        rng, memory = np.random.default_rng(seed), balance.start(0.0, 0.02)
+        shown = np.array([balance.read(memory, time, 0.02, rng) - 0.02 for time in (1.0, 2.0, 5.0)])
+        np.testing.assert_allclose(shown / [1.0, 2.0, 5.0], shown[0], rtol=1e-6)
+        slopes.append(shown[0])
+    assert np.std(slopes) == pytest.approx(1e-5, rel=0.1)
+    assert abs(np.mean(slopes)) < 2e-6
+
+
+def test_a_copied_memory_goes_on_with_the_same_bits() -> None:
+    balance, rng = Balance(0.2, 1e-5, 1e-5, drift=1e-5), np.random.default_rng(3)
+    memory = balance.start(0.0, 0.0)
+    for k in range(1, 5):
+        balance.read(memory, 0.02 * k, 0.01, rng)
+    other, again = copy.deepcopy(memory), copy.deepcopy(rng)
+    for k in range(5, 40):
+        assert balance.read(memory, 0.02 * k, 0.02, rng) == balance.read(other, 0.02 * k, 0.02, again)
+
+
+CURVE = SALT.model_dump(mode="json")
+
+
+def test_tilt_is_the_inverse_of_mass() -> None:
+    for mass in np.linspace(0.0005, 0.0799, 20):
+        assert SALT.mass(SALT.tilt(mass)) == pytest.approx(mass)
+    assert np.degrees(SALT.tilt(0.2)) == pytest.approx(75.0) and np.degrees(SALT.tilt(-1.0)) == pytest.approx(20.0)
+    assert SALT.mass(SALT.begin) == pytest.approx(0.01 * SALT.load)
+
+
+def test_a_mass_of_a_plateau_is_reached_at_its_begin() -> None:
+    curve = PourCurve.model_validate(CURVE | {"masses": [0.0, 0.02, 0.02, 0.02, 0.05, 0.08]})
+    assert np.degrees(curve.tilt(0.02)) == pytest.approx(30.0)
+    assert np.degrees(curve.tilt(0.035)) == pytest.approx(55.0)
+
+
+def test_tilt_per_mass_is_the_mean_slope_also_at_the_end() -> None:
+    assert SALT.tilt_per_mass(0.02, 0.025) == pytest.approx(np.radians(10.0) / 0.025)
+    at_end = np.radians(15.0) / 0.012
+    assert SALT.tilt_per_mass(0.068, 0.012) == pytest.approx(at_end)
+    assert SALT.tilt_per_mass(0.079, 0.012) == pytest.approx(at_end)
+    assert SALT.tilt_per_mass(0.5, 0.012) == pytest.approx(at_end)
+
+
+@pytest.mark.parametrize(("curve", "numbers", "message"), [
+    ({"masses": [0.0, 0.002]}, {}, "6 tilts_deg and 2 masses; accepted: as many"),
+    ({"tilts_deg": [20, 30, 30, 50, 60, 75]}, {}, "accepted: rising"),
+    ({"masses": [0.0, 0.03, 0.02, 0.045, 0.068, 0.08]}, {}, "none below the one before"),
+    ({"masses": [0.0, 0.002, 0.02, 0.045, 0.068, 0.09]}, {}, "90.00 g are poured of a load of 80.00 g"),
+    ({"masses": [0.0] * 6}, {}, "0.00 g are poured in all; accepted: from 0.80 g"),
+    ({"tilts_deg": [20, 30, 40, 50, 60, 400]}, {}, "less than or equal to 180"),
+    ({"load": float("nan")}, {}, "load"),
+    ({}, {"pi": {"fastest_deg": 90}}, "pi.fastest_deg = 90.0 with motion.fast_deg = 60.0"),
+    ({}, {"pi": {"gain": 1}}, "unknown key 'pi.gain'; valid: before_deg"),
+    ({}, {"shaker": {"amplitude": 2}}, "shaker.amplitude"),
+])
+def test_curves_and_numbers_that_are_refused(tmp_path: Path, curve: dict, numbers: dict, message: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({"task": "Mine", "tool": "spoon", "curve": CURVE | curve, "vibration": VIBRATION,
+                                    **numbers}))
+    with pytest.raises(ConfigError, match=f"mine.yaml.*{message}"):
+        load_dosing(str(path))

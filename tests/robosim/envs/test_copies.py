@@ -49,6 +49,7 @@ def go_on(env: gymnasium.Env, steps: int, seed: int = 1) -> list[Any]:
     pytest.param("ShovelMove", {"obs": "none", "clip_actions": True}, marks=pytest.mark.slow),
     pytest.param("SpoonScoop", {"obs": "moments", **SOFT}, marks=pytest.mark.slow),
     pytest.param("BottlePickPour", {"material": "water"}, marks=pytest.mark.slow),
+    pytest.param("DoseSpoon", {}, marks=pytest.mark.slow),  # in the middle of a vibration
 ])
 def test_a_loaded_state_continues_to_the_bit(name: str, options: dict[str, Any]) -> None:
     """Over the end of the episode and into the next, drawn start; a carrying spoon is saved once it has lost grains."""

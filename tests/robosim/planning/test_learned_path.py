@@ -19,7 +19,7 @@ from robosim.planning.plan import plan_motion
 from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
-from robosim.shapes.solids import make_container_shell
+from robosim.shapes.containers import make_container_shell
 from robosim.tasks.task import load_task
 
 

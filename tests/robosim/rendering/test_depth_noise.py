@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.base.errors import UnknownName
-from robosim.rendering.depth_noise import NOISE, find_noise
+from robosim.rendering.depth_camera import NOISE, find_noise
 
 
 @pytest.mark.parametrize("name", NOISE)

@@ -17,7 +17,7 @@ from robosim.scene.field import build_field, build_tool_lattice, check_field
 from robosim.scene.grains import container_region, fill, is_in_container, leave_out_buried
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
-from robosim.shapes.solids import CONTAINER_CORNER, make_container_shell
+from robosim.shapes.containers import CONTAINER_CORNER, make_container_shell
 from robosim.tasks.task import load_task
 
 PLACE = mpm.Pose(np.array([0.7, 0.1, 0.25]), np.array([1.0, 0.0, 0.0, 0.0]))

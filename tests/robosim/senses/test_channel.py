@@ -1,13 +1,21 @@
-"""Timing of sensors: latency, rate, dropout and noise against what they are by definition; delayed actions."""
+"""Terms on their way to a policy, and policies that work on them alone."""
 
+import gymnasium
 import numpy as np
 import pytest
+import torch
 from grain_envs import make
+from scipy.stats import wilcoxon
+from stable_baselines3 import SAC
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
 
 import mpm
+import robosim  # noqa: F401  (registers the environments)
 from robosim.base.errors import ConfigError
 from robosim.envs.episode import NOTHING_COUNTED
-from robosim.senses.channel import Channel, Timing
+from robosim.senses.senses import Channel, Timing
 from robosim.senses.term import Sight, Term, box
 from robosim.tasks.actions import DelayLine, delay_steps
 
@@ -79,3 +87,33 @@ def test_delayed_actions_move_the_tool_later_by_their_delay():
         paths.append([env.reset(seed=0)[0]["tool"], *(env.step(action)[0]["tool"] for action in actions)])
         env.close()
     np.testing.assert_allclose(paths[1][3:], paths[0][:8], atol=1e-6)
+
+
+class NoMotion:
+    def __init__(self, dimensions: int) -> None:
+        self._action = np.zeros((1, dimensions), np.float32)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return self._action, state
+
+
+def make_environment() -> Monitor:
+    terms = ["tool", "wrist", {"name": "height_map", "pixels": (16, 16)}]
+    return Monitor(gymnasium.make("robosim/SpoonTranslate-v0", obs=terms))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::mpm.GrainsLeaveGrid")  # of a policy that has learned nothing yet
+@pytest.mark.parametrize("seed", [0, 1])
+def test_returns_of_a_sensed_policy_rise_above_no_motion(seed: int, tmp_path):
+    """The best policy by trials on the way; the starts that are compared are others."""
+    torch.set_num_threads(1)
+    env, trial = make_environment(), make_environment()
+    model = SAC("MultiInputPolicy", env, learning_rate=3e-4, gamma=0.95, learning_starts=300, seed=seed)
+    model.learn(4000, EvalCallback(trial, eval_freq=250, best_model_save_path=str(tmp_path), verbose=0))
+    returns = []
+    for policy in (SAC.load(tmp_path / "best_model"), NoMotion(env.action_space.shape[0])):
+        trial.reset(seed=1_000_000)
+        rewards, _ = evaluate_policy(policy, trial, 20, deterministic=True, return_episode_rewards=True)
+        returns.append(rewards)
+    assert wilcoxon(*returns, alternative="greater").pvalue < 0.01

@@ -8,13 +8,12 @@ from own_meshes import half_sphere
 from robosim.base.errors import ConfigError
 from robosim.shapes import tool_shape
 from robosim.shapes.inside import Inside, find_inside
-from robosim.shapes.solids import revolve
 
 
 def make_cup(radius: float, height: float, wall: float) -> trimesh.Trimesh:
     """Return a round cup that stands on z = 0 with its floor as thick as its wall."""
-    return revolve([(0.0, 0.0), (radius + wall, 0.0), (radius + wall, height), (radius, height), (radius, wall),
-                    (0.0, wall)], 64)
+    return trimesh.creation.revolve([(0.0, 0.0), (radius + wall, 0.0), (radius + wall, height), (radius, height),
+                                     (radius, wall), (0.0, wall)], sections=64)
 
 
 @pytest.fixture(scope="module")

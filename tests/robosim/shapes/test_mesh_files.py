@@ -11,9 +11,9 @@ import trimesh
 from robosim.base.errors import ConfigError, DoubledFaces
 from robosim.base.resources import folder
 from robosim.shapes import self_cuts
+from robosim.shapes.containers import make_container_shell
 from robosim.shapes.inside import find_inside
 from robosim.shapes.mesh_files import join, read_parts, thicken
-from robosim.shapes.solids import loft, make_container_shell, revolve
 
 
 def half_sphere(radius: float = 0.04, sections: int = 96) -> trimesh.Trimesh:
@@ -117,7 +117,7 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path: Path) -> None:
 
 
 def test_builders_give_closed_meshes_of_the_right_volume() -> None:
-    sweep = runpy.run_path(str(folder("models") / "curves.py"))["sweep"]
+    sweep, revolve, loft = map(runpy.run_path(str(folder("models") / "curves.py")).get, ("sweep", "revolve", "loft"))
     angle = np.linspace(-np.pi / 2, np.pi / 2, 41)
     ball = revolve(np.stack([np.cos(angle), np.sin(angle)], axis=1), 80)
     tube = sweep(np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 1.0], 9), np.full(9, 0.1), segments=80)

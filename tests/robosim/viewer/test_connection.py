@@ -1,7 +1,8 @@
-"""The viewer's server serves its own page alone, and takes only values that its controls can have."""
+"""The viewer's server: what it takes from its clients, and pages of their own."""
 
 import math
 import socket
+import urllib.request
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,7 +14,9 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from robosim.viewer.server import start_server, stop_server
+from robosim.base.errors import ConfigError
+from robosim.recordings.live import free_port
+from robosim.viewer.server import open_server, start_server, stop_server
 
 
 @pytest.fixture(scope="module")
@@ -69,3 +72,22 @@ def test_values_that_a_control_cannot_have_are_ignored(server: viser.ViserServer
     lines = capfd.readouterr().err.splitlines()
     assert len(lines) == len(wrong) + 2 and lines[0].endswith("speed 'evil'; accepted: 1x, 2x")
     assert all(line.startswith("robosim view: ignored from a page: ") for line in lines)
+
+
+def test_the_page_is_served_to_this_machine() -> None:
+    port = free_port()
+    server, address = open_server(port)
+    assert address == f"http://127.0.0.1:{port}"
+    with urllib.request.urlopen(address, timeout=10) as answer:
+        assert answer.status == 200
+    stop_server(server)
+
+
+def test_a_port_in_use_is_refused_with_a_free_one() -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(ConfigError, match=rf"--port {port}: Address already in use; accepted: .*free port, such "
+                                              r"as [0-9]+"):
+            open_server(port)

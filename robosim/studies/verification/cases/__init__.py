@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from robosim.studies.verification.cases.case import Case
 
 MODULES = {
-    "continuum.motion": ("free_fall", "slow_translation", "spin"), "continuum.manufactured": ("axis_aligned", "vortex"),
-    "continuum.vibration": ("bar", "elastic_energy"), "continuum.statics": ("uniaxial", "column_weight"),
+    "continuum.motion": ("free_fall", "slow_translation", "spin", "bar", "elastic_energy"),
+    "continuum.manufactured": ("axis_aligned", "vortex"), "continuum.statics": ("uniaxial", "column_weight"),
     "fluid": ("hydrostatic", "dam_break", "lock_gate"),
     "granular.element": ("return_mapping", "element_path"), "granular.slopes": ("slope", "heap", "chute_flow"),
     "granular.column": ("column_collapse",), "granular.collapse_profile": ("collapse_profile",),
@@ -43,7 +43,6 @@ NAMES, GROUPS = tuple(PLACES), tuple(CASES)
 
 def expand(names: Iterable[str]) -> list[str]:
     """Return the names of cases, with all cases of a subject in its place; each once.
-
     Raises UnknownName for what is neither a case nor a subject."""
     cases: dict[str, None] = {}
     for name in names:

@@ -1,4 +1,4 @@
-"""Steps, stresses and motions that cases have in common."""
+"""Steps, stresses, columns and motions that cases have in common."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -8,6 +8,7 @@ import numpy as np
 
 import mpm
 from mpm.materials.material import Material
+from mpm.scene.sampling import JITTER
 from robosim.studies.verification.cases.case import TimedSolver
 
 UPRIGHT = mpm.Pose.identity().quaternion
@@ -18,6 +19,30 @@ INCLINE = mpm.Walls(lower=("periodic", "periodic", "stick"), upper=("periodic", 
 """Walls of a sheet on a rough plane."""
 
 
+def rim(radius: float, a: float) -> float:
+    """Return the radius [m] of the deposit of a column of sand, a radii high.
+    Source: fit of Lube et al. 2004, J. Fluid Mech. 508:175."""
+    return radius * (1 + (1.24 * a if a < 1.7 else 1.6 * math.sqrt(a)))
+
+
+def fill_column(radius: float, height: float, cell: float, rng: np.random.Generator, *, per_cell: int = 4,
+                quarter: bool = True) -> np.ndarray:
+    """Return positions [m] (n, 3) about the column's foot, jittered sites of a lattice of half cells.
+    per_cell: 8 for all sites, 4 for the face-centred half, 2 for the body-centred quarter; the number of particles does
+    not depend on the jitter."""
+    half = cell / 2
+    n, layers = math.ceil(radius / half), max(round(height / half), 2)
+    sites = np.stack(np.meshgrid(*[np.arange(0 if quarter else -n, n)] * 2, np.arange(layers), indexing="ij"), -1)
+    sites = sites.reshape(-1, 3)
+    if per_cell == 4:
+        sites = sites[sites.sum(1) % 2 == 0]
+    elif per_cell == 2:
+        sites = sites[np.all(sites % 2 == sites[:, :1] % 2, axis=1)]
+    grains = (sites + 0.5) * (half, half, height / layers)
+    grains = grains[np.hypot(grains[:, 0], grains[:, 1]) <= radius]
+    return grains + rng.uniform(-JITTER, JITTER, grains.shape) * half
+
+
 def courant_step(courant: float, cell: float, law: Material) -> float:
     """Return the substep [s] of a Courant number, in cells over the speed of pressure waves."""
     return courant * cell / math.sqrt((law.lam + 2 * law.mu) / law.density)
@@ -25,7 +50,6 @@ def courant_step(courant: float, cell: float, law: Material) -> float:
 
 def shear_ratio(phi_deg: float, cone: str = "compression") -> float:
     """Return m3, shear stress over pressure in steady simple shear [-], of sand with a friction angle [deg].
-
     From the cone's definition, not from the law under test."""
     sine = math.sin(math.radians(phi_deg))
     return sine if cone == "plane_strain" else 2.0 * math.sqrt(3.0) * sine / (3.0 - sine)
@@ -58,7 +82,6 @@ def load_pressure(solver: mpm.Solver, water: mpm.NewtonianFluid, depths: np.ndar
 def carry(timed: TimedSolver, displacement: Callable[[int], np.ndarray | list[float]], windows: int,
           window: float) -> Iterator[int]:
     """Move the first collider on, advance and yield, window [s] by window.
-
     displacement: from the start [m] (3,), after k windows."""
     start = here = timed.solver.collider_pose(0)
     for k in range(windows):

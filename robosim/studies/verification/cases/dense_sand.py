@@ -96,7 +96,6 @@ def critical_angle(ratio: float) -> float:
 def dense_sand(relative_density: float, *, E: float, nu: float, density: float,
                critical_angle_deg: float = 33.0) -> DenseSand:
     """Return the sand of a relative density in (0.1, 1], at stresses of some kPa, by Bolton's relations.
-
     With I = 10 relative_density - 1, at most 4: peak angle 3 I deg above the critical one in triaxial compression, and
     tan(dilatancy angle) with 0.8 of that angle as the excess. His coefficients 3, 0.8 and 4: from memory, to be
     checked; 33 deg is his critical angle of quartz."""

@@ -58,7 +58,6 @@ class Order(Expectation):
 @dataclass(frozen=True)
 class Approach(Expectation):
     """An error falls with every refinement and keeps its sign: one that passes zero has not converged, and fails.
-
     resolution: name of the choice that sets it. ends: its values, from coarse to fine."""
 
     name: str

@@ -20,7 +20,6 @@ ONE_BODY = """
 def one_body(geom: str, position: Sequence[float], *, host_step: float, joint: str = "<freejoint/>",
              gravity: Sequence[float] = (0.0, 0.0, -G), body: str = "") -> str:
     """Return the MJCF of a world with one body, "body".
-
     geom, body: attributes of its geometry, and of the body itself; position [m]; host_step [s]."""
     numbers = {"position": position, "gravity": gravity}
     return ONE_BODY.format(geom=geom, joint=joint, host_step=host_step, body=body,

@@ -9,7 +9,7 @@ import yaml
 from robosim.config.materials import load_material, overridden
 from robosim.studies.calibration.flows import simulate_heap
 from robosim.studies.calibration.measurements import HeapExperiment
-from robosim.studies.columns import rim
+from robosim.studies.verification.cases.beds import rim
 
 SEED = 424_242  # of the heaps' particles and of the noise
 

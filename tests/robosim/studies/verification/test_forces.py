@@ -132,21 +132,12 @@ def test_laws_of_plates_carry_the_same_friction() -> None:
         make_sand(law="dense", cohesion=50.0)
 
 
-def test_depths_of_impact_follow_their_laws() -> None:
-    """Steel of 25.4 mm dropped by 0.1 m stops at 31.4 mm, and at 40.4 mm by the force law, in steps of time.
-    Katsuragi and Durian (2007) measured d1 = 87 +- 7 mm and k / m = 1040 +- 10 /s^2 with such a ball."""
+def test_depth_of_impact_follows_its_law() -> None:
+    """Steel of 25.4 mm dropped by 0.1 m stops at 31.4 mm."""
     ratio, mu = 7860.0 / 1520.0, math.tan(math.radians(24.0))
     depth = dropped_sphere.predict(0.1, ratio, mu)
     assert depth == pytest.approx(0.0314, abs=3e-4)
     assert depth == pytest.approx(0.14 / mu * math.sqrt(ratio) * 0.0254 ** (2 / 3) * (0.1 + depth) ** (1 / 3), rel=1e-9)
-    d1, k, dt = 0.29 * 0.0254 * ratio / mu, 13.8 * mu / math.sqrt(ratio) * 9.81 / 0.0254, 1e-6
-    assert (d1, k) == pytest.approx((0.087, 1040.0), rel=0.02)
-    z, v = 0.0, math.sqrt(2 * 9.81 * 0.1)
-    while v > 0:
-        v += dt * (9.81 - k * z - v * v / d1)
-        z += dt * v
-    assert dropped_sphere.predict_by_force(0.1, ratio, mu) == pytest.approx(z, rel=2e-3)
-    assert z == pytest.approx(0.0404, rel=0.01)
 
 
 def test_a_comparison_shows_runs_and_reference() -> None:

@@ -9,6 +9,7 @@ import mpm
 from mpm.scene.scene import Contact
 from robosim.studies.verification.cases.beds import load_pressure, set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.coupling.swinging_ball import half_swing
 from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.rigid_body import G, couple, damp, one_body
 
@@ -68,11 +69,9 @@ def floating_cube(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cell
             tilts.append(data.xmat[1][8])
     thrust = np.mean(thrusts) / (DENSITY * G * SIDE**3) - 1
     error = np.mean(draughts) / SIDE - density_ratio
-    top = np.percentile(solver.positions()[np.abs(solver.positions()[:, 0] - middle) > 0.07, 2], 99)
     errors = {"thrust": thrust} if fixed else {"draught": error, "weight": thrust + 1 - density_ratio}
     return timed.record(errors, accepted=accepted(cell, density_ratio),
-                        tilt_deg=np.degrees(np.arccos(min(np.mean(tilts), 1.0))),
-                        draught_from_highest_grains=(top - (data.xpos[1][2] - SIDE / 2)) / SIDE)
+                        tilt_deg=np.degrees(np.arccos(min(np.mean(tilts), 1.0))))
 
 
 def hollow(radius: float, wall: float) -> trimesh.Trimesh:
@@ -82,19 +81,6 @@ def hollow(radius: float, wall: float) -> trimesh.Trimesh:
     outer = trimesh.creation.icosphere(4, radius + wall)
     return trimesh.Trimesh(np.concatenate([outer.vertices, inner.vertices]),
                            np.concatenate([outer.faces, inner.faces + len(outer.vertices)]), process=False)
-
-
-def swing(x: np.ndarray, step: float) -> tuple[float, float]:
-    """Return the undamped frequency [rad/s] and the damping ratio of a swing x(t) that starts through zero.
-
-    They follow from its first peak to either side, step [s] apart per sample; not a number where it does not swing."""
-    high = int(np.argmax(x))
-    low = high + int(np.argmin(x[high:]))
-    if not (0 < high < low < len(x) - 1 and x[low] < 0):
-        return np.nan, np.nan
-    decay = -np.log(-x[low] / x[high]) / np.pi
-    damping = decay / np.hypot(1.0, decay)
-    return float(np.pi / ((low - high) * step) / np.sqrt(1 - damping**2)), float(damping)
 
 
 @case(
@@ -135,6 +121,6 @@ def added_mass(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2
     for _ in range(round(swings * 2 * np.pi / expected / BALL_STEP)):
         timed.run(plugin.step)
         places.append(float(plugin.data.qpos[0]))
-    frequency, damping = swing(np.array(places), BALL_STEP)
+    frequency, damping = half_swing(np.array(places)[np.argmax(places):], BALL_STEP)  # from its first peak
     return timed.record({"frequency": frequency / expected - 1}, damping_ratio=damping,
                         frequency_in_vacuum=np.sqrt(STIFFNESS / (mass_ratio * displaced)) / expected)

@@ -88,7 +88,6 @@ def shell_leak(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 
 
 def _crossings(before: np.ndarray, after: np.ndarray) -> int:
     """Count the segments (n, 3) to (n, 3), in the spoon's frame, that cross the ellipsoid.
-
     A grain that flows over the rim may pass up to 0.5 mm below it: its own size is 2 mm."""
     a, b = (np.linalg.norm(x / AXES, axis=1) for x in (before, after))
     share = np.clip((1 - a) / np.where(a == b, 1.0, b - a), 0, 1)

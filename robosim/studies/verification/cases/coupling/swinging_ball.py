@@ -27,7 +27,6 @@ SETTLING = 0.1
 
 def image_velocity(radius: float, width: float, reach: int = 100) -> float:
     """Return the velocity that a moving sphere's images give to its place, relative to its own.
-
     The sphere is in the middle of a cube [m]; its images are dipoles, of turned sign behind the walls that it moves
     towards. reach: of the images that are summed one by one along the planes."""
     along = np.arange(-9, 10)  # planes of images farther away cancel
@@ -47,7 +46,6 @@ def added_mass(radius: float, width: float) -> float:
 
 def boundary_layer_damping(frequency: float, carried: float, viscosity: float = 1e-3) -> float:
     """Return the damping ratio by water's viscosity [Pa s], of a sphere in oscillating motion [rad/s].
-
     carried: mass of ball and added mass [kg]. Source: Stokes 1851; Landau and Lifshitz, Fluid Mechanics, section 24."""
     layer = np.sqrt(2 * viscosity / (DENSITY * frequency))
     return float(6 * np.pi * viscosity * RADIUS * (1 + RADIUS / layer) / (2 * carried * frequency))
@@ -108,7 +106,6 @@ def swinging_ball(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", c
 
 def _swing(timed: TimedSolver, displaced: float, host_step: float) -> Record:
     """Release a pendulum that displaces so much water [m^3], until it has swung to the other side.
-
     host_step: of MuJoCo [s]."""
     mass = DENSITY_RATIO * DENSITY * displaced
     scene = one_body(f'type="sphere" pos="0 0 -{LENGTH}" size="{RADIUS}" mass="{mass}" friction="0"',
@@ -139,7 +136,6 @@ def _swing(timed: TimedSolver, displaced: float, host_step: float) -> Record:
 
 def half_swing(x: np.ndarray, step: float) -> tuple[float, float]:
     """Return the undamped frequency [rad/s] and the damping ratio of a swing x(t) that starts at rest, from a peak.
-
     They follow from its next peak, on the other side; not a number where it does not get there."""
     low = int(np.argmin(x))
     if not (2 < low < len(x) - 3 and x[low] < 0 < x[0]):

@@ -1,5 +1,4 @@
 """A bed of sand and a plate that is driven through it on a straight line: shared by the cases of plates.
-
 Directions as in resistive force theory: the plate rises by the attack angle beta towards +x, and moves along
 (cos gamma, 0, -sin gamma). The force on it is (-alpha_x, alpha_z) times depth and area."""
 
@@ -49,7 +48,6 @@ class Pushed(NamedTuple):
 def make_sand(friction_deg: float = FRICTION_DEG, stiffness: float = E, law: str = "drucker_prager",
               cohesion: float = 0.0, relative_density: float = 0.7) -> mpm.DruckerPrager | DenseSand:
     """Make sand that carries tan(friction_deg) in simple shear, dense sand once it has dilated.
-
     stiffness: Young's modulus [Pa]; law: one of LAWS; cohesion [Pa]: of drucker_prager alone; relative_density: of
     dense sand alone. Raises UnknownName for another law, InvalidValue for dense sand with cohesion."""
     ratio = math.tan(math.radians(friction_deg))

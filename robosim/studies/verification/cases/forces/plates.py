@@ -32,7 +32,6 @@ faded, and the sand above it is undisturbed."""
 
 def path_of(beta_deg: float, gamma_deg: float, side: float = SIDE) -> tuple[float, float]:
     """Return depth of the centre [m] at the start and length of the way [m] of a plate of length side [m].
-
     Downwards from where the plate's upper edge is level with the surface, sideways at a depth of 1.5 plates, upwards
     from 2.5 plates; plates of 40 mm, and others to the same depths."""
     if gamma_deg > 0:
@@ -49,20 +48,18 @@ def stress_per_depth(pushed: Pushed) -> theory.Alpha:
     return theory.Alpha(-float(x), float(up))
 
 
-def expected(beta_deg: float, gamma_deg: float, square: bool, doubtful: bool = False) -> theory.Alpha:
+def expected(beta_deg: float, gamma_deg: float, square: bool) -> theory.Alpha:
     """Return the reference's stress per depth, in units of that of vertical intrusion."""
     if not square:
         unit = theory.plane_alpha(0.0, 90.0).z
         return theory.Alpha(*(part / unit for part in theory.plane_alpha(beta_deg, gamma_deg)))
-    unit = theory.space_alpha(0.0, 90.0, doubtful=doubtful)[2]
-    r, _, z = theory.space_alpha(beta_deg, gamma_deg, doubtful=doubtful) / unit
+    r, _, z = theory.space_alpha(beta_deg, gamma_deg) / theory.space_alpha(0.0, 90.0)[2]
     return theory.Alpha(-float(r), float(z))
 
 
-def rms(found: dict[tuple[int, int], theory.Alpha], scale: float, square: bool, doubtful: bool = False) -> float:
+def rms(found: dict[tuple[int, int], theory.Alpha], scale: float, square: bool) -> float:
     """Return the rms difference from a table, over components and directions, in units of vertical intrusion."""
-    differences = [np.array(alpha) / scale - expected(beta, gamma, square, doubtful)
-                   for (beta, gamma), alpha in found.items()]
+    differences = [np.array(alpha) / scale - expected(beta, gamma, square) for (beta, gamma), alpha in found.items()]
     return float(np.sqrt(np.mean(np.square(differences))))
 
 
@@ -139,7 +136,6 @@ def plate_map(*, cell: float = 0.008, directions: str = "map", square: bool = Fa
     if (90, 0) in found:
         readings["drag"] = found[90, 0].x / scale
         errors["rms"] = rms(found, scale, square)
-        readings["rms_doubtful" if square else "rms_in_space"] = rms(found, scale, True, square)
     return make_record(costs, errors, **readings)
 
 
@@ -207,7 +203,6 @@ def _mean_at(pushed: Pushed, depth: float) -> float:
 
 def lifting_bound(depth: np.ndarray, friction_deg: float, square: bool) -> np.ndarray:
     """Return the upper bound of limit analysis for a lifted plate, per density, gravity and depth.
-
     depth: (n,) in lengths of the plate; friction_deg: whose tangent the sand carries in simple shear, which in plane
     strain is the sine of the angle by which the sides lean. Around the corners of a square plate they are cones."""
     spread = depth * math.tan(math.asin(math.tan(math.radians(friction_deg))))

@@ -1,5 +1,4 @@
 """Resistive force theory: stress on a plate per depth, by its direction and that of its motion.
-
 A plate rises by the attack angle beta towards +x and moves along (cos gamma, 0, -sin gamma): gamma = 90 deg is vertical
 intrusion, -90 deg withdrawal. The force on it is (-alpha_x, alpha_z) times depth and area. Coefficients and their
 sources are in configs/references/resistive_force_2d.yaml and resistive_force_3d.yaml."""
@@ -22,8 +21,7 @@ FORMS: dict[str, Any] = {
                            "f3": [float], "doubtful": [{"function": str, "term": int, "value": float}],
                            "scale": [float]},
     "impact": {"source": str, "uncertainty": float, "uncertainty_note": str, "prefactor": float,
-               "exponents": {"density": float, "diameter": float, "drop": float},
-               "force_law": {"d1": float, "k": float}},
+               "exponents": {"density": float, "diameter": float, "drop": float}},
 }
 """Form of each file of references."""
 
@@ -60,7 +58,6 @@ def plane_alpha(beta_deg: float, gamma_deg: float, medium: str = "generic") -> A
 
 def space_alpha(beta_deg: float, gamma_deg: float, psi_deg: float = 0.0, doubtful: bool = False) -> np.ndarray:
     """Return (alpha_r, alpha_theta, alpha_z) of the theory in space, in units of `space_scale`.
-
     The cap on the tangential part by the friction on the plate is left out. psi_deg: twist of the plate about
     the vertical. doubtful: take the third code's value of the two coefficients."""
     table = read_reference("resistive_force_3d")

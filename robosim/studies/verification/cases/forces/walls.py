@@ -28,7 +28,6 @@ LAYERS = 16
 
 def rankine(phi_deg: float, passive: bool) -> float:
     """Return the horizontal stress on a smooth vertical wall over the vertical stress, below a level surface.
-
     Angles are those of Mohr and Coulomb, here and below. In plane strain a Drucker-Prager cone that carries m in simple
     shear at constant volume acts with the angle asin(m)."""
     sine = math.sin(math.radians(phi_deg))
@@ -37,7 +36,6 @@ def rankine(phi_deg: float, passive: bool) -> float:
 
 def coulomb_passive(phi_deg: float, wall_deg: float) -> float:
     """Return Coulomb's passive coefficient, of the force on a wall with a friction angle of wall_deg.
-
     The force is 0.5 density gravity depth^2 times it, inclined by wall_deg to the wall's normal."""
     phi, delta = math.radians(phi_deg), math.radians(wall_deg)
     root = math.sqrt(math.sin(phi + delta) * math.sin(phi) / math.cos(delta))
@@ -136,7 +134,6 @@ def retaining_wall(*, state: str = "active", cells: int = 20, phi_deg: float = P
 
 def janssen(depth: np.ndarray | float, width: float, friction: float, ratio: float) -> np.ndarray:
     """Return the mean vertical stress [Pa] at depths [m] in a slot of a width [m].
-
     friction: coefficient of the walls; ratio: horizontal over vertical stress."""
     length = width / (2 * friction * ratio)
     return DENSITY * G * length * -np.expm1(-np.asarray(depth) / length)

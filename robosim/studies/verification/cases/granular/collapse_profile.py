@@ -9,8 +9,7 @@ from scipy.optimize import brentq
 
 import mpm
 from robosim.base.errors import UnknownName
-from robosim.studies.columns import fill_column, rim
-from robosim.studies.verification.cases.beds import courant_step, rms
+from robosim.studies.verification.cases.beds import courant_step, fill_column, rim, rms
 from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.dense_sand import DenseSand, dense_sand
 from robosim.studies.verification.cases.expectations import Approach, Within
@@ -110,7 +109,6 @@ class Profile(NamedTuple):
 
 def measure_profile(radii: np.ndarray, volumes: np.ndarray, share: float = 1.0) -> Profile:
     """Return the profile of particles, up to one empty ring.
-
     radii (n,): of the particles, in column radii. volumes (n,): in cubes of the column's radius. share: of the whole
     round that the particles fill, 0.25 for a quarter."""
     edges = np.arange(math.floor(radii.max() / RING) + 3) * RING
@@ -138,7 +136,6 @@ def volume_of(profile: Profile) -> float:
 
 def profile_difference(profile: Profile, reference: np.ndarray) -> float:
     """Return the volume between a profile and reference depths (n,) at its radii, over that of the reference.
-
     The profile is scaled to the reference's volume first, so that its own expansion does not count."""
     area = 2 * math.pi * profile.radii * RING
     scale = float(np.sum(area * reference)) / volume_of(profile)
@@ -147,7 +144,6 @@ def profile_difference(profile: Profile, reference: np.ndarray) -> float:
 
 def closed_depths(radii: np.ndarray, summit: float, rim: float, volume: float) -> np.ndarray:
     """Return depths (n,) of the profile that summit, rim and volume determine, all in column radii.
-
     It is summit (1 - r / rim)^n, or a cone with a flat top where the volume is more than a cone's. Raises ValueError
     for a volume above that of a cylinder."""
     if not 0.0 < volume < math.pi * rim**2 * summit:

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from scipy.optimize import brentq
 
 import mpm
 from mpm.backend import ti
@@ -44,11 +45,7 @@ class Drum(Shape):
 
 def level_of(fill: float) -> float:
     """Return the height of a level surface over the axis, in radii, for a share of the circle."""
-    low, high = -1.0, 1.0
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if share_of(middle) < fill else (low, middle)
-    return low
+    return float(brentq(lambda level: share_of(level) - fill, -1.0, 1.0))  # pyright: ignore[reportArgumentType]
 
 
 def share_of(level: float) -> float:
@@ -127,7 +124,6 @@ def centre_slope(positions: np.ndarray) -> float:
 
 def surface_line(positions: np.ndarray, cell: float) -> tuple[float, float]:
     """Return angle [deg] and height over the axis [m] of the surface: a line through the highest grains.
-
     Grains are sorted into columns along the surface, whose direction is found in three rounds; those in the middle of
     the surface's chord count."""
     angle = level = 0.0

@@ -48,7 +48,7 @@ def collapse(sleep: float, pause: float) -> Watch:
     watch = Watch(build_column(Column(cells=12), sleep or False))
     for _ in range(150):
         watch.advance(STEP)
-    rim, crest, _ = measure_deposit(watch.solver)
+    rim, crest = measure_deposit(watch.solver)
     return watch.read(rim=rim, crest=crest)
 
 
