@@ -13,7 +13,8 @@ from robosim.senses.channel import TIMING, Channel, Timing, read_timing
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term
 
 TERMS = {
-    "grains": "grains.GrainsTerm", "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
+    "grains": "grains.GrainsTerm", "goal_frame": "grains.GoalFrameTerm",
+    "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
     "joints": "arm.JointsTerm", "torques": "arm.TorquesTerm", "wrist": "arm.WristTerm", "scale": "scale.ScaleTerm",
     "height_map": "height_map.HeightMapTerm", "depth": "pictures.DepthTerm", "rgb": "pictures.RgbTerm",
     "point_cloud": "pictures.PointCloudTerm", "target": "motion.TargetTerm",

@@ -6,12 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import wilcoxon
 
 from policies.learning.environments import make_environment
 from policies.learning.options import TrainingOptions
 from policies.methods.train import train
 from robosim.config.settings import read_setting
 from robosim.episode.play import play
+from robosim.studies.evaluation.policies import make_policy, training_options
+from robosim.studies.evaluation.suites import begin_episode, plan_starts
+from robosim.studies.evaluation.suites import make_environment as make_suite_environment
+from robosim.tasks.task import load_task
 
 TASK, REPEAT, EVERY, EPISODES = "SpoonTranslate", 10, 5, 20
 DEMONSTRATION = Path(__file__).resolve().parents[3] / "policies" / "trained" / "demonstrations" / f"{TASK}.npz"
@@ -53,3 +58,22 @@ def test_a_policy_learns_to_carry_grains(tmp_path):
     assert len(scores) == EPISODES // EVERY and status["evaluated"]["best"]["tcs"] == pytest.approx(max(scores))
     assert max(scores) > 0.0
     assert (tmp_path / "best_policy.npz").is_file()
+
+
+def test_a_policy_that_sees_the_target_beats_the_recording_where_targets_move(tmp_path):
+    """ShovelMove on `wide`, held-out starts in pairs, Wilcoxon's test. A third of DAgger's episodes are its own."""
+    task, starts = "ShovelMove", plan_starts("wide", load_task("ShovelMove"), 24)
+    options = TrainingOptions(randomize="wide", evaluate_every=100)
+    settings = [read_setting("options.expert_episodes=15")]
+    assert train("dagger", task, tmp_path, options, episodes=24, settings=settings) == 0
+    assert json.loads((tmp_path / "manifest.json").read_text())["starts"] == "wide"
+    scores = []
+    for policy in (str(tmp_path / "last_policy.npz"), "learned"):
+        env = make_suite_environment(load_task(task), starts[0], **training_options(policy))
+        scores.append([])
+        for start in starts:
+            begin_episode(env, start)
+            scores[-1].append(play(env, make_policy(policy, env, 0), observation=env.observation)[1]["tcs"])
+        env.close()
+    learned, recorded = np.array(scores)
+    assert wilcoxon(learned, recorded, alternative="greater").pvalue < 1e-3, (learned.mean(), recorded.mean())
