@@ -7,8 +7,7 @@ from robosim.tasks.task import load_task
 
 def page() -> str:
     """Every number with its unit, domain, ranges in "wide" and "hard", and meaning."""
-    wide, hard = (ranges(load_task("SpoonTranslate"), arm=True) | {name: one.wide for name, one in NUMBERS.items()
-                  if one.wide and one.needs} for ranges in (wide_ranges, hard_ranges))
+    wide, hard = (ranges(load_task("SpoonScoop"), arm=True) for ranges in (wide_ranges, hard_ranges))
     rows = [[code(MATERIAL), "", "names", ", ".join(wide[MATERIAL]), "as in `wide`", "material of the grains, of "
              "the same law as the environment's own"]]
     for name, drawn in NUMBERS.items():

@@ -22,8 +22,8 @@ def bootstrap(values: Sequence[float] | np.ndarray, statistic: Any = np.mean) ->
     by_run = array.ndim == 2 and len(array) > 1
     units = array if by_run else array.reshape(-1, 1)
     if np.ptp(array) == 0.0 or len(units) < 2:
-        return (float(statistic(array.ravel(), axis=-1)),) * 2
+        return (one := float(statistic(array.ravel(), axis=-1))), one
     found = scipy.stats.bootstrap((np.arange(len(units)),), lambda picks, axis: statistic(
         units[picks].reshape(*picks.shape[:-1], -1), axis=-1), n_resamples=RESAMPLES, confidence_level=COVERED,
-        method="percentile", vectorized=True, random_state=0)
+        method="percentile", vectorized=True, rng=np.random.default_rng(0))
     return float(found.confidence_interval.low), float(found.confidence_interval.high)

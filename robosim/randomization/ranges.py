@@ -106,22 +106,15 @@ def choose_ranges(given: str | Ranges | None, task: TaskConfig, arm: bool = Fals
     target = {} if task.dose is None else {TARGET_MASS: (1e-3 * low, 1e-3 * high)}
     if given is None:
         return target | task.randomize
+    if isinstance(given, str) and given.endswith((".yaml", ".yml")):
+        path, given = given, read(Path(given))
+        if not isinstance(given, dict):
+            raise ConfigError(f"{path}: holds {given!r:.100}; accepted: a table of name: [lowest, highest]")
     if not isinstance(given, str):
         return target | dict(given)
-    if given.endswith((".yaml", ".yml")):
-        return target | read_ranges(Path(given))
     if given not in PRESETS:
         raise UnknownName("randomize", given, PRESETS, "or ranges: name -> (lowest, highest), or a .yaml file of them")
     if given in HARD:
         unseen = {MATERIAL: UNSEEN} if given == "hard_unseen" else {}
-        return target | {**hard_ranges(task, arm, sensors), **unseen}
+        return {**target, **hard_ranges(task, arm, sensors), **unseen}
     return target | dict(wide_ranges(task, arm)) if given == "wide" else target
-
-
-def read_ranges(path: Path) -> Ranges:
-    """Read a file of ranges, name: [lowest, highest], and material: names; raises ConfigError for anything else."""
-    table = read(path)
-    if not isinstance(table, dict) or not all(isinstance(pair, list) and pair for pair in table.values()):
-        raise ConfigError(f"{path}: holds {table!r:.100}; accepted: a table of name: [lowest, highest], with material: "
-                          f"[names]")
-    return table

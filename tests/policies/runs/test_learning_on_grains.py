@@ -13,10 +13,7 @@ from policies.learning.options import TrainingOptions
 from policies.methods.train import train
 from robosim.config.settings import read_setting
 from robosim.episode.play import play
-from robosim.studies.evaluation.policies import make_policy, training_options
-from robosim.studies.evaluation.suites import begin_episode, plan_starts
-from robosim.studies.evaluation.suites import make_environment as make_suite_environment
-from robosim.tasks.task import load_task
+from robosim.studies.evaluation.suite_run import evaluate_suite
 
 TASK, REPEAT, EVERY, EPISODES = "SpoonTranslate", 10, 5, 20
 DEMONSTRATION = Path(__file__).resolve().parents[3] / "policies" / "trained" / "demonstrations" / f"{TASK}.npz"
@@ -60,20 +57,12 @@ def test_a_policy_learns_to_carry_grains(tmp_path):
     assert (tmp_path / "best_policy.npz").is_file()
 
 
+@pytest.mark.slow
 def test_a_policy_that_sees_the_target_beats_the_recording_where_targets_move(tmp_path):
-    """ShovelMove on `wide`, held-out starts in pairs, Wilcoxon's test. A third of DAgger's episodes are its own."""
-    task, starts = "ShovelMove", plan_starts("wide", load_task("ShovelMove"), 24)
-    options = TrainingOptions(randomize="wide", evaluate_every=100)
-    settings = [read_setting("options.expert_episodes=15")]
-    assert train("dagger", task, tmp_path, options, episodes=24, settings=settings) == 0
-    assert json.loads((tmp_path / "manifest.json").read_text())["starts"] == "wide"
-    scores = []
-    for policy in (str(tmp_path / "last_policy.npz"), "learned"):
-        env = make_suite_environment(load_task(task), starts[0], **training_options(policy))
-        scores.append([])
-        for start in starts:
-            begin_episode(env, start)
-            scores[-1].append(play(env, make_policy(policy, env, 0), observation=env.observation)[1]["tcs"])
-        env.close()
-    learned, recorded = np.array(scores)
-    assert wilcoxon(learned, recorded, alternative="greater").pvalue < 1e-3, (learned.mean(), recorded.mean())
+    """ShovelMove on `wide`: held-out starts in pairs, by Wilcoxon's test."""
+    assert train("dagger", "ShovelMove", tmp_path, TrainingOptions(randomize="wide", evaluate_every=25)) == 0
+    policies = [str(tmp_path / "best_policy.npz"), "learned"]
+    assert evaluate_suite("ShovelMove", policies, "wide", tmp_path / "judged", episodes=50, alone=True) == 0
+    rows = list(csv.DictReader((tmp_path / "judged" / "evaluation.csv").read_text().splitlines()))
+    learned, recorded = np.array([float(row["tcs"]) for row in rows]).reshape(2, 50)
+    assert wilcoxon(learned, recorded, alternative="greater")[1] < 1e-3, (learned.mean(), recorded.mean())

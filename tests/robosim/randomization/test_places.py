@@ -155,7 +155,7 @@ def test_ranges_may_be_a_file(tmp_path):
     file.write_text("place_x: [-0.05, 0.05]\nmaterial: [salt, sugar]\n")
     assert make("SpoonPour", randomize=str(file)).world.randomization.describe() == {
         "place_x": [-0.05, 0.05], "material": ["salt", "sugar"]}
-    for text, message in (("3", "holds 3; accepted"), ("place_x: 0.1", "accepted: a table"), ("no: [0, 1]", "no")):
+    for text, message in (("3", "holds 3; accepted"), ("place_x: 0.1", "accepted: .lowest"), ("no: [0, 1]", "no")):
         file.write_text(text)
         with pytest.raises(RobosimError, match=message):
             make("SpoonPour", randomize=str(file))
