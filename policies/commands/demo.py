@@ -7,10 +7,12 @@ from policies.commands.arguments import add_action_repeat, add_task, take_option
 from policies.demonstrations import METHODS
 from policies.learning.names import check_task
 from policies.learning.options import RATE, SearchOptions
+from robosim.commands.arguments import refuse
 
 EXAMPLE = """examples:
   robosim demo SpoonTranslate --n 2 --jobs 2 --out out/demo
   robosim demo SpoonScoop --from script --until 0.75 --n 1 --out out/scoop
+  robosim demo ShovelMove --expert 200 --randomize hard --out out/expert
   robosim demo SpoonPour --method cmaes --material salt --n 1 --out out/evolved"""
 
 
@@ -22,6 +24,10 @@ def add_parser(commands: Any) -> None:
     add_task(parser)
     parser.add_out("demonstrations, plots and the table; an interrupted run continues with the same command")
     parser.add_number("--n", default=10, help="number of demonstrations, from different starts")
+    parser.add_number("--expert", metavar="N", help="no search: N episodes of the task's script, displaced with "
+                      "its target, with seeds from --seed on")
+    parser.add_argument("--randomize", metavar="wide|hard|FILE", help="with --expert: what they draw (default: the "
+                        "task's own random starts)")
     parser.add_number("--jobs", default=1, help="number of demonstrations at the same time")
     parser.add_argument("--method", choices=METHODS, default="descent", help="gradient descent, or CMA-ES on a spline "
                         "of the same motion, without gradients")
@@ -51,7 +57,17 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then make the demonstrations."""
     check_task(options.task)
     o = options
+    if o.expert is None:
+        refuse(o, "without --expert; accepted: with it", randomize=None)
+    else:
+        refuse(o, "with --expert; accepted: without", n=10, jobs=1, method="descent", iterations=150, rate=RATE,
+               start=None, until=None, limit=None, nominal=False, arm=False, arm_weight=0.0, no_video=False)
     with o.settings.changed("tasks", o.task, o.out) as task:
+        if o.expert is not None:
+            from policies.demonstrations.demo import record_expert
+
+            return record_expert(task, o.out, o.expert, seed=o.seed, randomize=o.randomize, material=o.material,
+                                 action_repeat=o.action_repeat)
         from policies.demonstrations.demo import demonstrate
         from policies.results.demonstration_page import write_demonstration_page
 

@@ -13,6 +13,7 @@ from robosim.commands.arguments import one_of
 EXAMPLE = """examples:
   robosim train dg_sac SpoonPour --demos out/demo/SpoonPour --seed 0 --out out/runs/SpoonPour/dg_sac/seed_0
   robosim train sac SpoonPour --set options.learning_rate=3e-4 --out out/runs/slow
+  robosim train dagger ShovelMove --randomize wide --out out/runs/push
   robosim evaluate SpoonPour --policy out/runs/SpoonPour/dg_sac/seed_0/best.npz --nominal --out out/pour"""
 
 
@@ -30,8 +31,11 @@ def add_parser(commands: Any) -> None:
     parser.add_material(what="material of the grains")
     parser.add_argument("--starts", choices=["nominal", "random"], default="nominal", help="start of the episodes: the "
                         "task's nominal start, or random within its ranges")
+    parser.add_argument("--randomize", metavar="wide|hard|FILE", help="what every episode draws: a preset, or a .yaml "
+                        "file of ranges, name: [lowest, highest]; its starts are random (default: the task's own)")
     add_action_repeat(parser)
-    parser.add_argument("--obs", help="layout of the observation (default: the method's)")
+    parser.add_argument("--obs", help="layout of the observation, or terms separated by commas, such as "
+                        "goal_frame,time (default: the method's)")
     parser.add_number("--checkpoint-every", default=10, metavar="N", help="write a checkpoint after every N episodes; "
                       "an interrupted run writes its last one")
     parser.add_number("--evaluate-every", default=10, metavar="N", help="evaluate the policy without exploration after "

@@ -4,22 +4,28 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import mpm
-from mpm.files import temporary_path
+from mpm.array_files import read_arrays
+from mpm.files import temporary_path, write
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import make_demonstrations
 from policies.demonstrations.reading import read_actions
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import draw_learning_curves, write_table
-from policies.learning.environments import make_environment
+from policies.learning.environments import fingerprint, make_environment
 from policies.learning.options import SearchOptions, check_at_least, to_words
 from robosim.base.jobs import worker_pool
 from robosim.base.output_folder import OutputFolder
+from robosim.base.progress import Progress
+from robosim.base.statistics import bootstrap
+from robosim.episode.play import play
+from robosim.studies.evaluation.policies import ScriptedPolicy
 
 SCRIPT = "script"
 
@@ -48,6 +54,31 @@ def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jo
         if page is not None:
             page(out)
     print(out / "demonstrations.json")
+    return 0
+
+
+def record_expert(task: str, out: Path, n: int, *, seed: int, **options: Any) -> int:
+    """Write episodes of the script that knows the target's place as demonstrations 0 to n - 1, print their mean score.
+
+    seed: of the first; the next one's is one higher. options: of the environment. Finished ones are kept. Returns 0.
+    Raises mpm.InvalidValue for a folder with others."""
+    check_at_least(1, {"--expert": n})
+    env: Any = make_environment(task, **options).unwrapped
+    made_by, scores = fingerprint(env, env.action_repeat, env.world.randomization.describe(), seed), list[float]()
+    with OutputFolder(out):
+        for k in Progress(range(n), desc=f"{env.TASK}, expert", unit="episodes"):
+            path, actions = out / f"demonstration_{k}.npz", list[np.ndarray]()
+            if not path.is_file():
+                env.reset(seed=seed + k)
+                info = play(env, ScriptedPolicy(env, knows=True), observation=env.observation,
+                            hooks=[lambda step, actions=actions: actions.append(step.action)])[1]
+                write(path, partial(np.savez, actions=np.array(actions), action_repeat=env.action_repeat,
+                                    task=env.TASK, start=seed + k, nominal=0, tcs=info["tcs"], fingerprint=made_by))
+            stored = read_arrays(path)
+            if stored.text("fingerprint", "") != made_by:
+                raise mpm.InvalidValue(f"{path}: made with another task, seed or --randomize; give another --out")
+            scores.append(float(stored["tcs"]))
+    print("score {:.2f} ({:.2f} .. {:.2f}), {} episodes".format(np.mean(scores), *bootstrap(scores), n))
     return 0
 
 

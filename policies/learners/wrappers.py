@@ -7,6 +7,7 @@ import numpy as np
 from torch import nn
 
 import mpm
+from robosim.senses.grains import GOAL_FRAME
 
 LENGTH = 0.1
 """Unit of length [m]."""
@@ -40,27 +41,24 @@ def observation_units(env: Any, layout: str) -> tuple[np.ndarray, np.ndarray]:
     """Return offset and factor (n,) of a scaled observation: (observation - offset) * factor."""
     n = env.observation_space.shape[0]
     offset, factor = np.zeros(n), np.ones(n)
-    goal, speed = np.array(env.task.goal), env.task.action.speed
+    goal, far, fast = np.array(env.task.goal), 1.0 / LENGTH, 1.0 / env.task.action.speed
+    grains = {"flat": 6, "all": 6, "positions": 3}.get(layout, 0)  # columns of a grain that begin with its position
+    factors = {"velocity": fast, "velocity_spread": fast, "time": 2.0, "covariance": far**2} | dict.fromkeys(
+        ("centre", "extent", "from_goal", "in_tool_frame", "clearance", "goal", "height_map", "depth"), far)
     for name, part in env.observation_slices.items():
-        if name == "particles" and layout in ("flat", "all"):
-            count = (part.stop - part.start) // 6
-            offset[part] = np.tile([*goal, 0.0, 0.0, 0.0], count)
-            factor[part] = np.tile([1.0 / LENGTH] * 3 + [1.0 / speed] * 3, count)
-        elif name == "particles" and layout == "positions":
-            offset[part] = np.tile(goal, (part.stop - part.start) // 3)
-            factor[part] = 1.0 / LENGTH
-        elif name == "particles" or name in ("velocity", "velocity_spread"):
-            factor[part] = 1.0 / speed
+        length = part.stop - part.start
+        if name == "goal_frame":
+            factor[part] = np.repeat([1.0 if one in ("tool_axes", "axes", "shares") else factors.get(one, far)
+                                      for one in GOAL_FRAME], list(GOAL_FRAME.values()))
+        elif name == "particles":
+            offset[part] = np.tile(np.append(goal, np.zeros(3))[:grains], length // grains) if grains else 0.0
+            factor[part] = np.tile([far] * 3 + [fast] * 3, -(-length // 6))[:length] if grains == 6 else \
+                far if grains else fast
         elif name == "tool":
-            offset[part.start : part.start + 3], factor[part.start : part.start + 3] = goal, 1.0 / LENGTH
-        elif name == "time":
-            offset[part], factor[part] = 0.5, 2.0
-        elif name in ("centre", "extent"):
-            offset[part], factor[part] = np.tile(goal, (part.stop - part.start) // 3), 1.0 / LENGTH
-        elif name in ("from_goal", "in_tool_frame", "clearance"):
-            factor[part] = 1.0 / LENGTH
-        elif name == "covariance":
-            factor[part] = 1.0 / LENGTH**2
+            offset[part.start : part.start + 3], factor[part.start : part.start + 3] = goal, far
+        else:
+            offset[part] = np.tile(goal, length // 3) if name in ("centre", "extent") else 0.5 * (name == "time")
+            factor[part] = factors.get(name, 1.0)
     return offset, factor
 
 

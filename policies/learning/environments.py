@@ -9,6 +9,7 @@ import mpm
 from policies.learning.names import check_task, is_foreign, is_task_file, task_name
 from robosim.base.digests import digest
 from robosim.episode.play import play, read_scores
+from robosim.senses.perception import observation_options
 
 
 def environment_id(task: str) -> tuple[str, dict[str, str]]:
@@ -31,7 +32,7 @@ def make_training_environment(task: str, obs: str, action_repeat: int, **options
     """Make the environment of a sub-task, or the one that Gymnasium registers under another id ("Pendulum-v1").
     obs, action_repeat and options apply to robosim's environments only. Raises as `make_environment` does."""
     return _make(task, task) if is_foreign(task) else \
-        make_environment(task, obs=obs, action_repeat=action_repeat, **options)
+        make_environment(task, **observation_options(obs), action_repeat=action_repeat, **options)
 
 
 def _make(task: str, name: str, /, **options: Any) -> gymnasium.Env:

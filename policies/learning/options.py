@@ -37,6 +37,8 @@ class TrainingOptions:
     """Material of the grains; None: the task's."""
     starts: str = "nominal"
     """"nominal", the task's own start in every episode as in the paper, or "random" within its ranges."""
+    randomize: str | None = None
+    """What the episodes draw, from random starts: "wide", "hard" or a .yaml file of ranges; None: the task's."""
     action_repeat: int = 10
     """Control steps for which an action is repeated."""
     n_envs: int = 1

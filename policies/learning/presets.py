@@ -12,12 +12,12 @@ from robosim.config.bounds import Text
 from robosim.config.settings import Setting
 from robosim.config.table import Table, load
 
-Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "GNN-CMA-ES", "replay"]
+Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "GNN-CMA-ES", "replay", "DAgger"]
 OFF_POLICY = ("SAC", "TD3", "DDPG", "TQC", "CrossQ")
 """Learners with a replay buffer, which demonstrations can be mixed into."""
 IMITATION = ("BC", "GAIL", "replay")
 """Learners that learn from demonstrations alone."""
-SEARCH = ("CMA-ES", "GNN-CMA-ES")
+SEARCH = ("GNN-CMA-ES",)
 """Learners that search for one motion; they may begin at a demonstration."""
 # A million episodes of 100 actions take two years at 0.6 s each.
 Episodes = Annotated[int, Field(ge=1, le=1_000_000)]
@@ -44,8 +44,9 @@ OPTION_BOUNDS: dict[str, tuple[float, float]] = {
 WHOLE = {name for name, (least, most) in OPTION_BOUNDS.items() if isinstance(most, int)}
 WITH_TEXT = ("train_freq",)
 """Options of these that take a unit, as in [1, episode]."""
-REQUIRED = {"CMA-ES": ("population", "knots", "sigma"), "GNN-CMA-ES": ("population", "knots", "sigma"),
-            "BC": ("learning_rate", "updates", "batch_size", "net_arch")}
+REQUIRED = {"GNN-CMA-ES": ("population", "knots", "sigma"),
+            "BC": ("learning_rate", "updates", "batch_size", "net_arch"),
+            "DAgger": ("learning_rate", "updates", "batch_size", "net_arch", "expert_episodes", "noise")}
 """Learner -> options that it needs."""
 ANY_OPTION = (-1e9, 1e9)
 """The same for every other number."""
@@ -121,7 +122,7 @@ class Preset(Table):
     demonstrations: Demonstrations | None = None
     """How demonstrations are mixed into batches; null: not at all."""
     obs: Annotated[str, Field(max_length=100)] = "flat"
-    """Layout of the observation."""
+    """Layout of the observation, or terms separated by commas."""
     scaled: bool = True
     """Whether observations are scaled to about 1 (positions from the goal in decimetres, ...); false: SI units."""
     grains_as_one: bool = False

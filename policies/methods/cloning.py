@@ -1,4 +1,4 @@
-"""Behaviour cloning: a policy fitted to the actions of demonstrations."""
+"""Behaviour cloning, a policy fitted to the actions of demonstrations; and the replay of demonstrations."""
 
 from typing import Any
 
@@ -44,10 +44,25 @@ def fit_policy(training: Training) -> ActorCriticPolicy:
     observations = torch.as_tensor(np.array([step.observation for step in transitions]))
     actions = torch.as_tensor(np.array([step.action for step in transitions]))
     policy = make_policy(training)
+    update_policy(policy, observations, actions, options)
+    return policy
+
+
+def update_policy(policy: ActorCriticPolicy, observations: torch.Tensor, actions: torch.Tensor,
+                  options: dict[str, Any]) -> None:
+    """Fit a policy by least squares to actions (n, dimensions) in observations (n, ...); options: of the preset."""
     for _ in range(options["updates"]):
         batch = torch.randint(len(observations), (options["batch_size"],))
         error = ((policy.get_distribution(observations[batch]).mode() - actions[batch]) ** 2).mean()
         policy.optimizer.zero_grad()
         error.backward()
         policy.optimizer.step()
-    return policy
+
+
+def replay(training: Training) -> None:
+    """Play the demonstrations, one after the other."""
+    if state := training.load_checkpoint():
+        training.resume(state)
+    for demonstration in training.demonstrations[training.env.count : training.preset.episodes]:
+        play(training.env, demonstration.actions)
+        training.keep_checkpoint()

@@ -7,16 +7,16 @@ import math
 from functools import partial
 from typing import Any
 
+import cma
 import numpy as np
 
 from mpm.files import write
 from mpm.geometry.rigid_motion import rotation_matrix
 from policies.demonstrations.action_repeat import ActionRepeat
-from policies.demonstrations.spline_search import FAILED
+from policies.demonstrations.spline_search import FAILED, fit_knots, sample_spline
 from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import sample_surfaces
 from policies.dynamics.rollouts import grain_positions
-from policies.methods.evolution import make_search, to_motion
 from policies.runs.training import Training
 from robosim.base.files import write_json
 from robosim.episode.play import play
@@ -57,6 +57,21 @@ def search_with(training: Training, model: GraphModel, search: Any) -> None:
         search.tell(points, costs)
         play(training.env, motions[int(np.argmin(costs))])
         training.save_checkpoint(graph_model=model.state(), search=search)
+
+
+def make_search(training: Training) -> Any:
+    """Return a new search for the knots of a motion, from the first demonstration, or from rest without one.
+    Options of the preset: knots, sigma (initial standard deviation of the actions), population."""
+    options, given = training.preset.options, training.demonstrations
+    knots = fit_knots(given[0].actions, options["knots"]) if given else \
+        np.zeros((options["knots"], training.dimensions))
+    return cma.CMAEvolutionStrategy(knots.ravel(), options["sigma"], {
+        "seed": training.seed + 1, "popsize": options["population"], "verbose": -9})  # seed 0 is the clock's
+
+
+def to_motion(training: Training, point: np.ndarray) -> np.ndarray:
+    """Return the motion (decisions, dimensions) of a search's point."""
+    return sample_spline(point.reshape(-1, training.dimensions), training.decisions)
 
 
 def cost(task: Any, grains: np.ndarray, angle: float) -> float:

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from policies.methods.adversarial import imitate
-from policies.methods.cloning import clone
-from policies.methods.evolution import evolve, replay
+from policies.methods.cloning import clone, replay
+from policies.methods.dagger import aggregate
 from policies.methods.graph_search import plan
 from policies.runs.training import Training
 
@@ -50,7 +50,8 @@ class Method(Protocol):
         """Run until `training.is_over`."""
 
 
-METHODS: Mapping[str, Method] = {"BC": clone, "GAIL": imitate, "CMA-ES": evolve, "GNN-CMA-ES": plan, "replay": replay}
+METHODS: Mapping[str, Method] = {"BC": clone, "GAIL": imitate, "GNN-CMA-ES": plan, "replay": replay,
+                                "DAgger": aggregate}
 """Learner of a preset -> method; learners of Stable-Baselines3 are not in it."""
 
 

@@ -59,7 +59,7 @@ def train(method: str, task: str, out: Path, options: TrainingOptions, *, episod
         print(f"deterministic policy: best {status['evaluated']['best']}, last {status['evaluated']['last']}")
     if training.is_granular:
         arguments = [f"robosim evaluate {training.source} --policy {out / 'best.npz'} --episodes 1"]
-        arguments += ["--nominal"] if options.starts == "nominal" else []
+        arguments += ["--nominal"] if training.reset_options else []
         arguments += [f"--material {options.material}"] if options.material else []
         print("to film it:", *arguments, "--out FOLDER")
     return 0

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from robosim.base.statistics import bootstrap, interquartile_mean
+
 FIGURES = {"tcs_evaluated": "score of the best policy, without exploration",
            "tcs_last10": "score, mean of the last ten episodes",
            "tcs_of_best_return": "score of the motion with the highest return, replayed",
@@ -18,8 +20,6 @@ FIGURES = {"tcs_evaluated": "score of the best policy, without exploration",
 SETTINGS = {"material": "{}", "starts": "{} starts", "action_repeat": "action repeat {}",
             "n_envs": "{} environments at once", "obs": "observes {}", "max_episodes": "at most {} episodes"}
 """Columns of settings in which the runs of a method may differ, and their texts in a table."""
-RESAMPLES = 2000
-"""Resamples of the bootstrap."""
 
 Summaries = dict[str, dict[str, dict[str, dict[str, Any]]]]
 """line -> task -> figure -> statistics"""
@@ -27,14 +27,14 @@ Summaries = dict[str, dict[str, dict[str, dict[str, Any]]]]
 
 def summarise_runs(rows: list[dict[str, Any]], published: dict) -> tuple[Summaries, list[str]]:
     """Return the summaries of all runs with published values, and a note on each mean over runs that differ."""
-    rng, summaries, notes = np.random.default_rng(0), defaultdict(dict), []
+    summaries, notes = defaultdict(dict), list[str]()
     groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
     for line, row in zip(name_lines(rows), rows):
         groups[line, row["task"]].append(row)
     for (line, task), members in groups.items():
         notes += describe_mixture(line, task, members)
         summaries[line][task] = {
-            key: {**summarise(values, rng), "published": published_value(published, key, members[0]["method"], task)}
+            key: {**summarise(values), "published": published_value(published, key, members[0]["method"], task)}
             for key in FIGURES if (values := [row[key] for row in members if row[key] is not None])}
     return summaries, notes
 
@@ -62,23 +62,13 @@ def describe_mixture(line: str, task: str, members: list[dict[str, Any]]) -> lis
     return notes
 
 
-def summarise(values: list[float], rng: np.random.Generator) -> dict[str, float]:
-    """Return number, mean, standard deviation, interquartile mean and its 95 % interval.
-    The deviation is that of a sample, 0 for one value. The interval is that of a bootstrap (Agarwal et al. 2021); of
-    two or three values it is the smallest and the largest."""
+def summarise(values: list[float]) -> dict[str, float]:
+    """Return number, mean, standard deviation, interquartile mean and its 95 % bootstrap interval.
+    The deviation is that of a sample, 0 for one value."""
     data = np.array(values)
-    resampled = [interquartile_mean(rng.choice(data, len(data))) for _ in range(RESAMPLES)] if len(data) > 1 else \
-        [interquartile_mean(data)]
-    low, high = np.percentile(resampled, (2.5, 97.5))
+    low, high = bootstrap(data, interquartile_mean)
     return {"n": len(data), "mean": float(data.mean()), "std": float(data.std(ddof=min(1, len(data) - 1))),
-            "iqm": interquartile_mean(data), "low": float(low), "high": float(high)}
-
-
-def interquartile_mean(data: np.ndarray) -> float:
-    """Return the mean of the values between the quartiles."""
-    ordered = np.sort(data)
-    cut = len(ordered) // 4
-    return float(ordered[cut : len(ordered) - cut].mean())
+            "iqm": float(interquartile_mean(data)), "low": low, "high": high}
 
 
 def published_value(published: dict, key: str, method: str, task: str) -> list[float] | None:

@@ -1,6 +1,7 @@
 """A training run: its environment, its folder, and what is stored at the end of every episode."""
 
 import math
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import mpm
 from mpm.array_files import read_arrays
+from mpm.files import write
 from policies.demonstrations.reading import load_demonstrations, select_replayable
 from policies.dynamics.rollouts import Rollouts, read_rollouts
 from policies.learners.buffers import prefill_demo_buffer
@@ -35,6 +37,8 @@ from robosim.base.files import describe_end, end_state
 from robosim.base.progress import Progress
 from robosim.base.provenance import commit
 from robosim.episode.play import Transition, play, read_scores, run_episode
+from robosim.senses.perception import observation_options
+from robosim.tasks.task import load_task
 
 CHECKPOINT_LATEST = 30
 """Episodes after which a checkpoint is made within an episode."""
@@ -51,7 +55,8 @@ class Training:
     def __init__(self, method: str, preset: Preset, task: str, out: Path, options: TrainingOptions) -> None:
         self.preset, self.options = preset, options
         self.seed, self.action_repeat, self.n_envs = options.seed, options.action_repeat, options.n_envs
-        scene: dict[str, Any] = {"material": options.material} if options.material else {}
+        scene = {key: getattr(options, key) for key in ("material", "randomize") if getattr(options, key)}
+        starts: str = {None: options.starts, "nominal": "random"}.get(options.randomize, options.randomize or "")
         self.base: Any = make_training_environment(task, preset.obs, self.action_repeat, **scene)
         """The environment, with scaled observations where the preset asks for them."""
         raw = self.base.unwrapped
@@ -68,21 +73,22 @@ class Training:
         self.demonstrations = load_demonstrations(preset, options.demos, self.decisions, self.action_repeat,
                                                   self.dimensions, self.task if self.is_granular else "")
         self.rollouts = self._load_rollouts(options.rollouts)
-        if preset.needs_rollouts and options.starts != "nominal":
-            raise mpm.InvalidValue(f"--starts {options.starts}: this method plans one motion, from the task's own "
+        if preset.needs_rollouts and starts != "nominal":
+            raise mpm.InvalidValue(f"{starts} starts: this method plans one motion, from the task's own "
                                    f"start; accepted: nominal")
-        self.demonstrations = select_replayable(self.demonstrations, preset, options.starts)
+        self.demonstrations = select_replayable(self.demonstrations, preset, starts)
         if self.is_granular and preset.scaled and preset.obs != "dict":
             self.base = ScaledObservation(self.base, preset.obs, preset.grains_as_one)
-        self.reset_options = {"nominal": True} if self.is_granular and options.starts == "nominal" else None
+        self.reset_options = {"nominal": True} if self.is_granular and starts == "nominal" else None
         digests = {one.name: digest(one.actions.tolist()) for one in self.demonstrations}  # of what it learns from
         if self.rollouts is not None:
             digests["rollouts"] = digest([grains.tobytes().hex() for grains in self.rollouts.grains])
         self.folder = RunFolder(out, {
             "method": method, "label": options.label, "preset": preset.model_dump(), "task": self.task,
-            "seed": self.seed, "starts": options.starts, "action_repeat": self.action_repeat, "n_envs": self.n_envs,
+            "seed": self.seed, "starts": starts, "action_repeat": self.action_repeat, "n_envs": self.n_envs,
             "material": options.material or (raw.task.material if self.is_granular else None),
-            "fingerprint": fingerprint(raw) if self.is_granular else digest([self.task]),
+            "fingerprint": fingerprint(raw, *([raw.world.randomization.describe()] if options.randomize else [])) if
+            self.is_granular else digest([self.task]),
             "task_digest": task_digest(raw) if self.is_granular else None,
             "field": field_digest(raw) if self.is_granular else None, "code": exercised_code(),
             "demonstrations": digests, "commit": commit(), "command": " ".join(sys.argv)}, options.force)
@@ -91,7 +97,8 @@ class Training:
         """What reports the run's episodes."""
         if self.n_envs > 1:
             self.env = EpisodeBatch(task, self.n_envs, self.base, self.seed, self.reset_options, self._on_episode_end,
-                                    preset.episodes, obs=preset.obs, action_repeat=self.action_repeat, **scene)
+                                    preset.episodes, action_repeat=self.action_repeat,
+                                    **observation_options(preset.obs), **scene)
         self.agent_env: Any = self.env
         """The environment that a learner acts in: `env`, or corrections of a motion in it."""
         if preset.residual is not None:
@@ -198,26 +205,28 @@ class Training:
         self.progress.close()
         is_resumed = self.env.count > 0 or not self.folder.checkpoint.is_file()
         write_status = self.folder.write_status if is_resumed else self.folder.update_status
-        for write in (self.checkpoints.write, lambda: write_status(
+        for store in (self.checkpoints.write, lambda: write_status(
                 end_state(error), reason=f"{describe_end(error)}; {self.checkpoints.describe()}")):
             try:
-                write()
+                store()
             except OSError as failure:
                 print(f"{self.folder.path}: {failure}", file=sys.stderr)
         return self.checkpoints.describe()
 
     def evaluate(self, policy: Any) -> None:
-        """Evaluate the policy where that is due, and write it to best_policy.npz if it is the best so far.
+        """Evaluate the policy where that is due; write it to last_policy.npz, and the best to best_policy.npz.
         Raises SaturatedActor."""
         if self.evaluations is None or not self.evaluations.is_due(self.env.count, self.is_over):
             return
         # a correction is no policy without its motion
-        if self.evaluations.add(policy, self.env.count) and self.preset.residual is None:
-            raw: Any = self.base.unwrapped
-            units = (self.base.offset, self.base.factor) if isinstance(self.base, ScaledObservation) else None
-            export_policy(policy, self.folder.path / "best_policy.npz", units, obs=self.preset.obs,
-                          action_repeat=self.action_repeat, task=self.task, method=self.folder.manifest["method"],
-                          task_table=raw.task.model_dump_json(exclude={"description"}))
+        is_best, last = self.evaluations.add(policy, self.env.count), self.folder.path / "last_policy.npz"
+        if self.preset.residual is not None:
+            return
+        units = (self.base.offset, self.base.factor) if isinstance(self.base, ScaledObservation) else None
+        table = load_task(self.source).model_dump_json(exclude={"description"})  # "hard" changes the environment's own
+        if export_policy(policy, last, units, obs=self.preset.obs, action_repeat=self.action_repeat, task=self.task,
+                         method=self.folder.manifest["method"], task_table=table) and is_best:
+            write(last.with_name("best_policy.npz"), lambda path: shutil.copyfile(last, path))
 
     def demonstration_transitions(self) -> Iterator[Transition]:
         """Yield the transitions of all demonstrations, played in the run's environment, each from its own start."""

@@ -37,6 +37,7 @@ CORES = os.cpu_count() or 1
 NUMBERS = {
     "--episodes": Number(1, 1_000_000),  # of 100 actions at 0.6 s each: two years
     "--n": Number(1, 10_000),  # at 5 minutes each, a month
+    "--expert": Number(1, 100_000),  # two days at 2 s each
     "--iterations": Number(1, 100_000),  # a day for each demonstration, at 1 s each
     "--choices": Number(1, 10_000),  # of 12 doses at 30 s each: six weeks
     "--rate-deg": Number(0.5, 30.0, False),  # [deg/s]; a curve of 120 deg takes 4 s to 4 minutes

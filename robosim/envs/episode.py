@@ -13,7 +13,7 @@ import mpm
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.arm import Grip
 from robosim.config.tool import ToolConfig
-from robosim.randomization.ranges import Ranges
+from robosim.randomization.ranges import HARD, HARD_DELAY, Ranges
 from robosim.senses.perception import Terms
 from robosim.senses.senses import TermOptions
 from robosim.tasks.actions import check_action_repeat
@@ -81,6 +81,8 @@ class EnvOptions:
         if not self.arm and (self.robot or self.gripper):
             raise ConfigError(f"robot = {self.robot!r}, gripper = {self.gripper!r} with arm = False; accepted: "
                               f"arm = True")
+        if self.randomize in HARD and not self.action_delay:
+            object.__setattr__(self, "action_delay", HARD_DELAY)
         object.__setattr__(self, "action_repeat", check_action_repeat(self.action_repeat))
 
     @property

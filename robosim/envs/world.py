@@ -13,7 +13,8 @@ from robosim.config.materials import Law, grain_diameter_of, load_material, over
 from robosim.envs.episode import EnvOptions
 from robosim.envs.start import StartOptions, rotate_grains, settled_state
 from robosim.randomization.randomization import Randomization
-from robosim.randomization.ranges import choose_ranges
+from robosim.randomization.ranges import HARD, choose_ranges
+from robosim.randomization.variants import hardened
 from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, check_substeps, largest_step
 from robosim.scene.grains import Filling, fill, grain_volume, grain_volume_of
 from robosim.senses.perception import Perception
@@ -58,6 +59,8 @@ class World:
         self.task = task if isinstance(task, TaskConfig) else load_task(task)
         if options.tool is not None:
             self.task = self.task.with_tool(options.tool)
+        if options.randomize in HARD:
+            self.task = hardened(self.task)
         if load is not None:
             self.task = task_with_load(name, self.task, load)
         own = load.material if load is not None and options.material is None else \
@@ -65,7 +68,7 @@ class World:
         self.material = overridden(own, options.numbers, "option, or number of this material,")
         self.observer = Perception(self.task, options.obs, flatten=options.flatten, privileged=options.privileged,
                                    timing={name: getattr(options, name) for name in DRAWN_TIMING})
-        ranges = choose_ranges(options.randomize, self.task, mobile)
+        ranges = choose_ranges(options.randomize, self.task, mobile, self.observer.domains)
         self.randomization = Randomization(self.task, self.material, ranges, arm=mobile, sensors=self.observer.domains,
                                            volume=None if load is None else load.volume)
         if self.randomization.materials and tool_shape(self.task.tool).holes is not None:

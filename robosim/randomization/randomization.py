@@ -114,7 +114,7 @@ class Randomization:
     def draw(self, rng: np.random.Generator, *, nominal: bool, shift: Vector, turn_deg: float) -> Draw:
         """Draw an episode; nominal: the tool and the pile begin where the task says, but for shift [m] and turn."""
         numbers = {name: _pick(rng, self._levels[name]) if name in IN_LEVELS else rng.uniform(*pair)
-                   for name, pair in self.ranges.items()}
+                   for name, pair in self.ranges.items() if name not in self._sensors}
         tool, pile = np.array(shift), np.zeros(3)
         if not nominal:
             tool = tool + rng.uniform(-1.0, 1.0, 3) * self._task.start.spread
@@ -122,8 +122,10 @@ class Randomization:
             turn_deg = turn_deg + numbers.get("tool_yaw_deg", 0.0)
             tool = tool + [numbers.get(f"tool_{axis}", 0.0) for axis in "xyz"]
         material = _pick(rng, list(self.materials)) if self.materials else ""
-        # of a copy, so that the starts that follow do not depend on sensors
-        return Draw(numbers, three(tool), three(pile), turn_deg, int(copy.deepcopy(rng).integers(2**62)), material)
+        rng = copy.deepcopy(rng)  # so that neither this start nor those that follow depend on sensors
+        seed = int(rng.integers(2**62))
+        numbers |= {name: rng.uniform(*pair) for name, pair in self.ranges.items() if name in self._sensors}
+        return Draw(numbers, three(tool), three(pile), turn_deg, seed, material)
 
     def read(self, given: Any) -> Draw:
         """Return the draw that `reset` is given back; raises ConfigError for what these ranges cannot have drawn."""

@@ -11,6 +11,9 @@ from robosim.config.scene import ContainerConfig
 from robosim.scene.models import container_shape
 from robosim.tasks.task import TaskConfig
 
+ROOM = 0.07
+"""By how much [m] the places of "hard" are farther off than those of "wide", for which the tasks have space."""
+
 
 def filled(task: TaskConfig, fill: float) -> TaskConfig:
     """Return a task with as many grains that fill another volume: `fill` over the task's own."""
@@ -43,6 +46,22 @@ def check_fill(task: TaskConfig, fill: float, slope_deg: float) -> None:
             raise ConfigError(f"randomize: fill = {fill:g}, surface_slope_deg = {slope_deg:g}: the grains stand "
                               f"{top * 1e3:.0f} mm high in the {name}; accepted: up to {1e3 * (high[2] - low[2]):.0f} "
                               f"mm, its rim")
+
+
+def hardened(task: TaskConfig) -> TaskConfig:
+    """Return a task with a target of half the length and width, and space for places that are up to 0.1 m off.
+    A receiver stays as it is. Box of the tool and region of the grains grow by ROOM on every side but z."""
+    room = task.field.cell * np.ceil(ROOM / task.field.cell - 1e-9) * np.array([1.0, 1.0, 0.0])
+
+    def grown(section: Any, low: str, high: str) -> Any:
+        ends = {name: tuple(map(float, getattr(section, name) + room * sign)) for name, sign in ((low, -1), (high, 1))}
+        return section.model_copy(update=ends)
+
+    x, y, z = task.target.half
+    half = task.target.half if task.receiver else (0.5 * x, 0.5 * y, z)
+    return task.model_copy(update={"action": grown(task.action, "lower", "upper"),
+                                   "field": grown(task.field, "region_lower", "region_upper"),
+                                   "target": task.target.model_copy(update={"half": half})})
 
 
 def displacement(task: TaskConfig, x: float, y: float, yaw_deg: float) -> mpm.Pose:

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+import mpm
 from robosim.base.errors import ConfigError
 from robosim.senses.term import SenseScene, Sight, Term, box
 from robosim.tasks.counting import observed_grains
@@ -12,6 +13,8 @@ from robosim.tasks.task import TaskConfig
 
 COLUMNS = {"particles": slice(0, 6), "positions": slice(0, 3), "velocities": slice(3, 6)}
 """Layout -> columns of a grain's row of position and velocity."""
+FAR = 10.0
+"""Bound [m] of lengths in `GoalFrameTerm`, which holds wherever a target is drawn."""
 LAYOUTS = (*COLUMNS, "moments")
 
 
@@ -46,6 +49,36 @@ class GrainsTerm(Term):
         return rows[:, COLUMNS[self._layout]]
 
 
+GOAL_FRAME = {"tool": 3, "tool_axes": 6, "axes": 2, "centre": 3, "in_tool_frame": 3, "covariance": 6, "extent": 6,
+              "velocity": 3, "shares": 3}
+"""Parts of `GoalFrameTerm`, with their lengths. axes: x of the frame in the world; shares: held, on target, lost."""
+
+
+class GoalFrameTerm(Term):
+    """Moments of all grains and the tool's pose in the frame of the displaced target, with its goal as the origin.
+
+    Where the target stands does not show, but for the heading of the frame, as actions have the axes of the world."""
+
+    name, unit = "goal_frame", "m, m/s, 1"
+    privileged = all_grains = True
+
+    def __init__(self, scene: SenseScene) -> None:
+        self._task = scene.task
+        limits = {"velocity": grain_bounds(scene.solver.grid, scene.solver.dt)[1][3]}
+        limit = np.repeat([limits.get(name, FAR) for name in GOAL_FRAME], list(GOAL_FRAME.values()))
+        self.space = box(-limit, limit)
+
+    def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
+        """Return the parts of GOAL_FRAME, one after the other."""
+        place, grains = sight.setting.place, sight.grains.astype(float)
+        frame = mpm.Pose(place.apply(np.array(self._task.goal)[None])[0], place.quaternion)
+        tool, x = frame.inverse() @ sight.believed, frame.inverse().apply(grains[:, :3])
+        return np.concatenate([
+            tool.position, tool.matrix[:, [0, 2]].T.ravel(), frame.matrix[:2, 0], x.mean(0),
+            tool.inverse().apply(x.mean(0)[None])[0], np.cov(x.T)[np.triu_indices(3)],
+            np.percentile(x, (5, 95), axis=0).ravel(), grains[:, 3:].mean(0) @ frame.matrix, shares(self._task, sight)])
+
+
 class ObservedGrains(GrainsTerm):
     """The same of the grains that the task observes, where no other term reads all of them."""
 
@@ -55,17 +88,22 @@ class ObservedGrains(GrainsTerm):
 def moments(task: TaskConfig, sight: Sight) -> np.ndarray:
     """Return statistics of all grains, in the order of `moment_bounds`."""
     x, v, counts = sight.grains[:, :3].astype(float), sight.grains[:, 3:].astype(float), sight.counts
-    n, counted = len(x), task.grains.counted
-    candidates = n if task.grains.elites else counted
     centre = x.mean(0)
     covariance = np.cov(x.T)[np.triu_indices(3)]
     parts = [centre, v.mean(0), covariance, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0),
              centre - sight.setting.place.apply(np.array(task.goal)[None])[0],
              sight.pose.inverse().apply(centre[None])[0],
-             [counts.in_inner / candidates, counts.in_region / candidates, counts.exited / counted]]
+             shares(task, sight)]
     if task.container is not None:
-        parts.append([counts.near / n, min(counts.clearance, 0.1)])
+        parts.append([counts.near / len(x), min(counts.clearance, 0.1)])
     return np.concatenate(parts)
+
+
+def shares(task: TaskConfig, sight: Sight) -> list[float]:
+    """Return the shares of the grains that are in the tool, on the target, and lost."""
+    counts, counted = sight.counts, task.grains.counted
+    candidates = len(sight.grains) if task.grains.elites else counted
+    return [counts.in_inner / candidates, counts.in_region / candidates, counts.exited / counted]
 
 
 def moment_bounds(task: TaskConfig, row: Bounds) -> dict[str, Bounds]:

@@ -13,7 +13,7 @@ import numpy as np
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.senses.grains import GrainsTerm, ObservedGrains
 from robosim.senses.motion import TargetTerm, TimeTerm, ToolTerm
-from robosim.senses.senses import DRAWN_TIMING, Choice, Senses, TermOptions, Timing, describe, read_choices
+from robosim.senses.senses import DRAWN_TIMING, TERMS, Choice, Senses, TermOptions, Timing, describe, read_choices
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term
 from robosim.tasks.counting import observed_grains
 from robosim.tasks.observation import dose_terms
@@ -28,6 +28,12 @@ GRAINS: dict[str, tuple[type[Term], dict[str, Any]]] = {
 """Layout -> term of the grains, and its options."""
 Terms = Layout | Sequence[TermOptions]
 """A layout of the published task, or a list of terms."""
+
+
+def observation_options(text: str) -> dict[str, Any]:
+    """Return an environment's options for the terms of a text, separated by commas, or else the layout it names."""
+    names = text.split(",")
+    return {"obs": names, "flatten": True} if set(names) & set(TERMS) else {"obs": text}
 
 
 class Perception:
@@ -45,7 +51,7 @@ class Perception:
         self._layout = obs if isinstance(obs, str) else ""
         if self._layout:
             if self._layout not in get_args(Layout):
-                raise UnknownName("obs", obs, get_args(Layout), "or a list of terms")
+                raise UnknownName("obs", obs, get_args(Layout), f"or a list of {', '.join(TERMS)}")
             if flatten or any(timing.values()):
                 given = ", ".join(f"{name} = {value}" for name, value in timing.items())
                 raise ConfigError(f"obs = {obs!r} with flatten = {flatten}, {given}; accepted: with a list of terms, "

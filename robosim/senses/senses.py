@@ -18,7 +18,8 @@ DRAWN_TIMING = {"latency": (0.0, 10.0), "noise": (0.0, 1e6), "dropout": (0.0, 0.
 ROUNDING = 1e-9
 """Tolerance [s] of times that are sums of steps."""
 TERMS = {
-    "grains": "grains.GrainsTerm", "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
+    "grains": "grains.GrainsTerm", "goal_frame": "grains.GoalFrameTerm",
+    "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
     "joints": "arm.JointsTerm", "torques": "arm.TorquesTerm", "wrist": "arm.WristTerm", "scale": "scale.ScaleTerm",
     "height_map": "height_map.HeightMapTerm", "depth": "pictures.DepthTerm", "rgb": "pictures.RgbTerm",
     "point_cloud": "pictures.PointCloudTerm", "target": "motion.TargetTerm",

@@ -38,10 +38,11 @@ FAR = 10.0
 class ScriptedPath:
     """Tool poses over time, eased between waypoints, with R = Rz(yaw) Ry(pitch).
 
-    times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world. pitches_deg (n,)."""
+    times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world. angles_deg (n, 2): yaw
+    and pitch."""
 
-    def __init__(self, yaw_deg: float, times: np.ndarray, positions: np.ndarray, pitches_deg: np.ndarray) -> None:
-        self._yaw, self._times, self._positions, self._pitches = yaw_deg, times, positions, pitches_deg
+    def __init__(self, times: np.ndarray, positions: np.ndarray, angles_deg: np.ndarray) -> None:
+        self._times, self._positions, self._angles = times, positions, angles_deg
 
     def pose(self, time: float) -> mpm.Pose:
         """Return the tool's pose at a time [s]; after the last waypoint it stays there."""
@@ -49,8 +50,7 @@ class ScriptedPath:
         u = np.clip((time - self._times[k - 1]) / (self._times[k] - self._times[k - 1]), 0.0, 1.0)
         u = u * u * (3.0 - 2.0 * u)  # at rest in every waypoint
         position = (1 - u) * self._positions[k - 1] + u * self._positions[k]
-        pitch = (1 - u) * self._pitches[k - 1] + u * self._pitches[k]
-        rotation = Rotation.from_euler("ZY", (self._yaw, pitch), degrees=True)
+        rotation = Rotation.from_euler("ZY", (1 - u) * self._angles[k - 1] + u * self._angles[k], degrees=True)
         return mpm.Pose(position, rotation.as_quat(scalar_first=True))
 
 
@@ -137,12 +137,24 @@ class TaskConfig(SceneConfig):
         """Return the same with another tool, by name, file or configuration; raises ConfigError."""
         return validate(self.model_dump() | {"tool": tool}, Path("options"), TaskConfig)
 
-    def scripted_path(self, start: np.ndarray | None = None) -> ScriptedPath:
-        """Return the scripted policy's path from a position [m] (3,); None: from the task's own start."""
+    def scripted_path(self, start: np.ndarray | None = None, place: mpm.Pose | None = None) -> ScriptedPath:
+        """Return the scripted policy's path from a position [m] (3,); None: from the task's own start.
+
+        place: displacement of the target, which the waypoints follow. Around a container all of them do, and turn with
+        it; else each follows by its share of the way from the start to the last, and keeps its heading, as the grains
+        begin where the task has them."""
         first = np.array(self.start.position) if start is None else start
-        return ScriptedPath(self.start.yaw_deg, np.array([0.0] + [s.time for s in self.script]),
-                            np.array([first] + [np.array(s.position) for s in self.script]),
-                            np.array([self.start.pitch_deg] + [s.pitch_deg for s in self.script]))
+        points = np.array([np.array(s.position) for s in self.script])
+        angles = np.array([(self.start.yaw_deg, s.pitch_deg) for s in self.script])
+        if place is not None and self.containers:
+            points = place.apply(points)
+            angles[:, 0] += np.degrees(np.arctan2(place.matrix[1, 0], place.matrix[0, 0]))
+        elif place is not None:
+            come, left = (np.linalg.norm(points - end, axis=1) for end in (self.start.position, points[-1]))
+            centre = np.array(self.target.centre)
+            points = points + np.outer(come / np.maximum(come + left, 1e-9), place.apply(centre[None])[0] - centre)
+        return ScriptedPath(np.array([0.0] + [s.time for s in self.script]), np.vstack([first, points]),
+                            np.vstack([(self.start.yaw_deg, self.start.pitch_deg), angles]))
 
     @pydantic.model_validator(mode="before")
     @classmethod

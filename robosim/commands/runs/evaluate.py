@@ -28,7 +28,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--suite", choices=SUITES, help="score on a suite of held-out starts, beside the recorded "
                         "motion, the script and no motion, or in dosing tasks the three controllers: the task's own "
                         "starts (nominal); other places, fills, materials, frictions and errors of the robot (wide); "
-                        "thirteen materials (materials)")
+                        "thirteen materials (materials); far places, half the target, a delay, noise and materials "
+                        "that no preset trains in (hard)")
+    parser.add_argument("--beside", nargs="+", default=[], metavar="POLICY", help="with --suite: policies to score "
+                        "from the same starts, such as a run of bc on the same demonstrations")
     parser.add_argument("--alone", action="store_true", help="with --suite: score no other policy")
     parser.add_number("--episodes",
                         help="number of episodes, with seeds from --seed on (default: 5; 1 with "
@@ -57,24 +60,24 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then run the episodes, or a suite of them."""
     is_task_file(options.task)
     if options.suite is None:
-        refuse(options, "without --suite; accepted: with one, such as --suite wide", alone=False)
+        refuse(options, "without --suite; accepted: with one, such as --suite wide", alone=False, beside=[])
     else:
         refuse(options, f"with --suite {options.suite}; accepted: without, a suite has starts of its own for the tool "
                f"alone", nominal=False, arm=False, seed=0)
-    policy = options.policy
-    if options.suite is None or not Path(policy).is_dir():
-        policy = find_network(policy, options.task)
-        check_policy(policy)
+    policies = [find_network(policy, options.task) for policy in (options.policy, *options.beside)]
+    for policy in policies:
+        if options.suite is None or not Path(policy).is_dir():
+            check_policy(policy)
     given = {"episodes": options.episodes, "material": options.material,
              "changed": {setting.path[0] for setting in options.settings}}
     with options.settings.changed("tasks", options.task, options.out) as task:
         if options.suite is not None:
             from robosim.studies.evaluation.suite_run import evaluate_suite
 
-            return evaluate_suite(task, policy, options.suite, options.out, alone=options.alone, **given)
+            return evaluate_suite(task, policies, options.suite, options.out, alone=options.alone, **given)
         from robosim.studies.evaluation.evaluate import evaluate
 
-        return evaluate(task, policy, options.out, seed=options.seed, film=not options.no_video,
+        return evaluate(task, policies[0], options.out, seed=options.seed, film=not options.no_video,
                         nominal=options.nominal, arm=options.arm, grasp=options.grasp, robot=options.robot,
                         gripper=options.gripper, **given)
 

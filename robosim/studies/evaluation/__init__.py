@@ -5,9 +5,11 @@ senses, shapes, tasks, viewer, mpm."""
 
 from robosim.dosing import CONTROLLERS
 
-POLICIES = ("zero", "random", "scripted", "learned", *CONTROLLERS)
+KNOWING = "knowing"
+"""The script with its waypoints displaced as the target is: what a controller that knows the place reaches."""
+POLICIES = ("zero", "random", "scripted", KNOWING, "learned", *CONTROLLERS)
 """Policies by name, the controllers for dosing tasks alone; any other is the path of a .npz file."""
 NETWORK = "network"
 """The bundled policy that observes, of the sub-tasks that have one."""
-SUITES = ("nominal", "wide", "materials")
+SUITES = ("nominal", "wide", "materials", "hard")
 """Starts and materials that policies are scored from, see `robosim.studies.evaluation.suites`."""

@@ -38,13 +38,18 @@ def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[d
     success = figures["is_success"]["mean"]
     page.set_verdict(f"{Path(own).name}: {success:.0%} of {figures['episodes']} episodes succeeded, mean score "
                      f"{figures['tcs']['mean']:.2f}", holds=success == 1.0)
-    page.add_picture(picture, "Score of every episode, with means and 95 % intervals.")
+    page.add_picture(picture, "Score of every episode, with interquartile means, their 95 % intervals, and the cap.")
+    page.add_text("iqm: mean of the middle half, of all episodes and runs. Intervals: bootstrap over the runs of a "
+                  "policy that has several, else over its episodes. normalised: 0 is no motion from the same start, 1 "
+                  "its cap. Best and last are the policies of a run; it chooses its best on other starts than these.")
     page.add_heading("Means and 95 % intervals")
     keys = [key for key, value in figures.items() if isinstance(value, dict)]
-    head = [f"{key}{end}" for key in keys for end in ("", ", from", ", to")]
-    page.add_table(["policy", "episodes", "diverged", *head],
-                   [[Path(policy).name, one["episodes"], one["diverged"],
-                     *(number for key in keys for number in (one[key]["mean"], *one[key]["interval"]))]
+    pairs = [(key, kind, name) for key in keys for kind, name in (("mean", "interval"), ("iqm", "iqm_interval"))
+             if kind in figures[key]]
+    head = [f"{key}{'' if kind == 'mean' else ' iqm'}{end}" for key, kind, _ in pairs for end in ("", ", from", ", to")]
+    page.add_table(["policy", "runs", "episodes", "diverged", *head],
+                   [[Path(policy).name, one["runs"], one["episodes"], one["diverged"],
+                     *(number for key, kind, name in pairs for number in (one[key][kind], *one[key][name]))]
                     for policy, one in summary.items()])
     page.add_heading("Episodes")
     names = list(dict.fromkeys(name for row in rows for name in row))

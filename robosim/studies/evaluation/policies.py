@@ -16,8 +16,10 @@ from robosim.base.input_files import differing_entries
 from robosim.base.resources import trained
 from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
-from robosim.studies.evaluation import POLICIES
+from robosim.senses.perception import observation_options
+from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
+from robosim.tasks.actions import move_pose
 from robosim.tasks.task import TaskConfig
 
 Policy = Callable[[Any], np.ndarray]
@@ -39,8 +41,8 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
     if name == "random":
         rng = np.random.default_rng(seed)
         return lambda observation: rng.uniform(-1.0, 1.0, n).astype(np.float32)
-    if name == "scripted":
-        return ScriptedPolicy(env)
+    if name in ("scripted", KNOWING):
+        return ScriptedPolicy(env, knows=name == KNOWING)
     if name in CONTROLLERS:
         return DosingPolicy(name, env)
     if name == "learned":
@@ -72,7 +74,7 @@ def training_options(name: str) -> dict[str, Any]:
     if "action_repeat" in arrays:
         options["action_repeat"] = arrays.integer("action_repeat", None, 1, MAX_REPEAT)
     if "weight_0" in arrays and "obs" in arrays:
-        options["obs"] = arrays.text("obs", "")
+        options |= observation_options(arrays.text("obs", ""))
     return options
 
 
@@ -118,17 +120,24 @@ def rest_action(task: TaskConfig) -> np.ndarray:
 
 
 class ScriptedPolicy:
-    """Follows the waypoints of the task's script from where the tool is."""
+    """Follows the waypoints of the task's script from where the tool is; what is commanded and not yet done counts.
 
-    def __init__(self, env: GrainEnv) -> None:
-        self._env, self._path = env, env.task.scripted_path(env.carrier.commanded.position)
+    knows: whether they are displaced with the target, which no sensor has to find: a reference, and an expert."""
+
+    def __init__(self, env: GrainEnv, knows: bool = False) -> None:
+        place = env.carrier.setting.place if knows else None
+        self._env, self._path = env, env.task.scripted_path(env.carrier.commanded.position, place)
 
     def __call__(self, observation: Any) -> np.ndarray:
         """Return the next action; the observation is not needed."""
         env, task, action = self._env, self._env.task, self._env.task.action
-        now = env.carrier.commanded
-        duration = min(env.action_repeat, task.steps - env.step_count) * task.step_dt
-        target = self._path.pose(env.step_count * task.step_dt + duration)
+        now, begin = env.carrier.commanded, env.step_count
+        for linear, angular, *_, steps in env.member.delay.waiting:
+            begin += steps
+            for _ in range(steps):
+                now = move_pose(now, task, linear, angular)
+        duration = max(min(env.action_repeat, task.steps - begin), 1) * task.step_dt
+        target = self._path.pose(begin * task.step_dt + duration)
         velocity = (target.position - now.position) / (duration * action.speed)
         if action.dimensions == 6:
             rotation = now.matrix @ relative_rotation(now.quaternion, target.quaternion)

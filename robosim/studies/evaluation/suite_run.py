@@ -1,7 +1,8 @@
-"""A policy on a suite, beside the recorded motion, the script and no motion from the same starts."""
+"""Policies on a suite, beside the recorded motion, scripts and no motion from the same starts."""
 
 import tempfile
 from collections.abc import Collection, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,65 +15,79 @@ from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.progress import Progress
 from robosim.base.provenance import provenance
 from robosim.base.resources import trained
+from robosim.base.statistics import bootstrap, interquartile_mean
 from robosim.dosing import CONTROLLERS
 from robosim.envs import is_task_file, task_name
+from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import play, read_scores
-from robosim.studies.evaluation import POLICIES
+from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.page import make_suite_page
 from robosim.studies.evaluation.policies import bundled_motion, check_task, load_policy, make_policy, training_options
 from robosim.studies.evaluation.suites import begin_episode, make_environment, plan_starts
 from robosim.tasks.task import TaskConfig, load_task
 
-COMPARED = ("learned", "scripted", "zero")
+STILL = "zero"
+COMPARED = (KNOWING, "learned", "scripted", STILL)
 """Policies whose episodes stand beside those of the policy that is scored; in dosing tasks the controllers do."""
-FIGURES = ("tcs", "return", "is_success", "delivered", "dose_error", "dose_error_percent", "seconds", "spilled")
+SCORES = ("normalised", "tcs")
+"""Figures with an interquartile mean. normalised: share of the way from no motion (0) to the cap of the start (1)."""
+FIGURES = (*SCORES, "return", "is_success", "delivered", "dose_error", "dose_error_percent", "seconds", "spilled")
 """Figures of an episode that a summary has, where the task has them."""
 RESULTS = ("evaluation.json", "evaluation.csv", "evaluation.png", "index.html")
 """Files that a run writes."""
-RESAMPLES, COVERED = 2000, 0.95
-"""Resamples of a bootstrap interval of a mean, and the share of them that it covers."""
-FOUND = ("best_policy.npz", "best.npz")
-"""Files of a training run that are scored, the first of them that is there."""
+RUN_FILES = {"": "best_policy.npz", ", last": "last_policy.npz"}
+"""What follows the name of a training run in the table -> its file."""
 
 Row = dict[str, Any]
 
 
-def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episodes: int | None = None,
+def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None, *, episodes: int | None = None,
                    material: str | None = None, changed: Collection[str] = (), alone: bool = False) -> int:
-    """Score a policy on a suite; print means with intervals, and write a row an episode, a summary and a picture.
+    """Score policies on a suite; print means with intervals, and write a row an episode, a summary and a picture.
 
-    name: of the policy, its file, or the folder of a training run. changed: top-level keys of the task that differ on
-    purpose from what the policy was learned on. alone: run no other policy. Returns 0.
-    Raises ConfigError, UnknownName for what cannot be used, before any episode runs."""
+    names: of policies, their files, or folders of training runs, or of runs that differ in the seed alone. changed:
+    top-level keys of the task that differ on purpose from what the policies were learned on. alone: run no other
+    policy. Returns 0. Raises ConfigError, UnknownName for what cannot be used, before any episode runs."""
     if material is not None and suite != "nominal":
         raise ConfigError(f"--material {material} with --suite {suite}; accepted: with --suite nominal, others have "
                           f"materials of their own")
-    config, found = load_task(task), find_policy(name)
-    check_task(found, config, changed)
+    config, files = load_task(task), dict[str, list[str]]()
+    for name in names:
+        files |= find_policies(name)
     starts = plan_starts(suite, config, episodes or 50, material)
-    others = {other: other for other in compared(config) if other != found and not alone
+    files |= {other: [other] for other in compared(config) if not alone and [other] not in files.values()
               and (other != "learned" or trained(task_name(task)) is not None)}
-    files = {label: policy_file(policy, task) for label, policy in {name: found, **others}.items()}
+    files = {label: [policy_file(policy, task) for policy in policies] for label, policies in files.items()}
+    for policy in chain(*files.values()):
+        check_task(policy, config, changed)
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as scratch, OutputFolder(out or Path(scratch)) as folder:
         folder.clear(RESULTS)
-        progress = Progress(total=len(files) * len(starts), desc=f"{task_name(task)}, {suite}", unit="episodes")
+        progress = Progress(total=sum(map(len, files.values())) * len(starts), desc=f"{task_name(task)}, {suite}",
+                            unit="episodes")
         for world in dict.fromkeys(start.world for start in starts):
-            members = [(k, start) for k, start in enumerate(starts) if start.world == world]
-            for label, policy in files.items():
-                env = make_environment(config, members[0][1], **training_options(policy))
+            members, envs = [(k, start) for k, start in enumerate(starts) if start.world == world], {}
+            for label, run, policy in [(label, *one) for label, runs in files.items() for one in enumerate(runs)]:
+                options = training_options(policy)
+                if str(options) not in envs:
+                    envs[str(options)] = make_environment(config, members[0][1], **options)
+                env: GrainEnv = envs[str(options)]
                 for k, start in members:
                     drawn = begin_episode(env, start)
                     total, info = play(env, make_policy(policy, env, start.seed), observation=env.observation)
-                    rows.append({"policy": label, "episode": k, **drawn, "return": total, **read_scores(info),
+                    rows.append({"policy": label, "run": run, "episode": k, **drawn, "return": total,
+                                 **read_scores(info), "cap": env.reward.extremes()[1],
                                  "diverged": info.get("diverged") or ""})
                     progress.update()
-                    rows.sort(key=lambda row: (list(files).index(row["policy"]), row["episode"]))
+                    rows.sort(key=lambda row: (list(files).index(row["policy"]), row["run"], row["episode"]))
+                    normalise(rows)
                     write_rows(folder.path / "evaluation.csv", rows)
+            for env in envs.values():
                 env.close()
-                folder.write_json("evaluation.json", {
-                    "task": task, "policy": name, "suite": suite, "made_by": provenance(),
-                    "is_complete": len(rows) == progress.total, "policies": summarize(rows)})
+            folder.write_json("evaluation.json", {
+                "task": task, "policy": names[0], "suite": suite, "made_by": provenance(),
+                "seeds": [starts[0].seed, starts[-1].seed], "is_complete": len(rows) == progress.total,
+                "policies": summarize(rows)})
         progress.close()
         title, summary = f"{task_name(task)}, suite {suite}", summarize(rows)
         picture = folder.write("evaluation.png", lambda path: draw(path, rows, title)).read_bytes()
@@ -86,15 +101,19 @@ def compared(task: TaskConfig) -> tuple[str, ...]:
     return COMPARED if task.dose is None or task.dose.controllers is None else CONTROLLERS
 
 
-def find_policy(name: str) -> str:
-    """Return the file of a training run's policy for its folder; raises ConfigError where it has none."""
+def find_policies(name: str) -> dict[str, list[str]]:
+    """Return the files of a policy by its label in the table, those of several runs of a folder under one label.
+    The best and the last policy of training runs have a label each. Raises ConfigError for a folder with neither."""
     folder = Path(name)
     if name in POLICIES or not folder.is_dir():
-        return name
-    if found := [folder / file for file in FOUND if (folder / file).is_file()]:
-        return str(found[0])
-    raise ConfigError(f"policy {name}: the folder has neither {' nor '.join(FOUND)}; accepted: the folder of "
-                      f"`robosim train`")
+        return {name: [name]}
+    runs = sorted(folder.glob("seed_*")) or [folder]
+    for kinds in (RUN_FILES, {"": "best.npz"}):
+        paths = {name + end: [str(run / file) for run in runs if (run / file).is_file()] for end, file in kinds.items()}
+        if found := {label: files for label, files in paths.items() if files}:
+            return found
+    raise ConfigError(f"policy {name}: the folder has neither best_policy.npz nor best.npz; accepted: the folder of "
+                      f"`robosim train`, or one with such folders seed_0, seed_1 and so on")
 
 
 def policy_file(name: str, task: str) -> str:
@@ -109,32 +128,39 @@ def policy_file(name: str, task: str) -> str:
     return name
 
 
-def bootstrap(values: Sequence[float]) -> tuple[float, float]:
-    """Return the ends of the bootstrap interval of the mean, from percentiles of resampled means."""
-    array = np.asarray(values, float)
-    picks = np.random.default_rng(0).integers(len(array), size=(RESAMPLES, len(array)))
-    low, high = np.quantile(array[picks].mean(1), [0.5 - COVERED / 2, 0.5 + COVERED / 2])
-    return float(low), float(high)
+def normalise(rows: list[Row]) -> None:
+    """Add to rows the share of the way from no motion to the cap, of the same start; where no motion was scored."""
+    still = {row["episode"]: row["tcs"] for row in rows if row["policy"] == STILL}
+    for row in rows:
+        low = still.get(row["episode"], row["cap"])
+        if low < row["cap"]:
+            row["normalised"] = (row["tcs"] - low) / (row["cap"] - low)
 
 
 def summarize(rows: list[Row]) -> dict[str, dict[str, Any]]:
-    """Return for each policy the number of episodes, and the mean of each of FIGURES with its spread and interval."""
+    """Return for each policy its episodes and runs, and the mean of each of FIGURES with its spread and interval.
+    SCORES have their interquartile mean, `iqm`, and its interval besides."""
     summary = {}
     for policy in dict.fromkeys(row["policy"] for row in rows):
         own = [row for row in rows if row["policy"] == policy]
-        summary[policy] = {"episodes": len(own), "diverged": sum(bool(row["diverged"]) for row in own)}
-        for key in [one for one in FIGURES if one in own[0]]:
-            values = [float(row[key]) for row in own]
-            summary[policy][key] = {"mean": float(np.mean(values)), "std": float(np.std(values)),
+        runs = len({row.get("run") for row in own})
+        summary[policy] = {"episodes": len(own), "runs": runs, "diverged": sum(bool(row["diverged"]) for row in own)}
+        for key in [one for one in FIGURES if all(one in row for row in own)]:
+            values = np.array([float(row[key]) for row in own]).reshape(runs, -1)
+            summary[policy][key] = {"mean": float(values.mean()), "std": float(values.std()),
                                     "interval": bootstrap(values)}
+            if key in SCORES:
+                summary[policy][key] |= {"iqm": float(interquartile_mean(values.ravel())),
+                                         "iqm_interval": bootstrap(values, interquartile_mean)}
+        if all("cap" in row for row in own):
+            summary[policy]["cap"] = [min(row["cap"] for row in own), max(row["cap"] for row in own)]
     return summary
 
 
 def format_summary(summary: dict[str, dict[str, Any]]) -> str:
     """Format means and intervals for a terminal."""
-    def cell(figures: dict[str, Any]) -> str:
-        low, high = figures["interval"]
-        return f"{figures['mean']:.2f} ({low:.2f} .. {high:.2f})"
+    def cell(figures: dict[str, Any] | None, key: str = "mean", interval: str = "interval") -> str:
+        return "" if figures is None else "{:.2f} ({:.2f} .. {:.2f})".format(figures[key], *figures[interval])
 
     if all("dose_error" in values for values in summary.values()):
         lines = [["policy", "success", "error [g]", "spread [g]", "seconds", "spilled [g]", "episodes"]]
@@ -144,23 +170,28 @@ def format_summary(summary: dict[str, dict[str, Any]]) -> str:
                           f"{1e3 * error['std']:.2f}", f"{values['seconds']['mean']:.1f}",
                           f"{1e3 * spilled['mean']:.2f}", str(values["episodes"])])
         return aligned(lines)
-    lines = [["policy", "score", "return", "success", "episodes"]]
-    lines += [[Path(policy).name, cell(values["tcs"]), cell(values["return"]), cell(values["is_success"]),
-               str(values["episodes"])] for policy, values in summary.items()]
+    lines = [["policy", "normalised IQM", "score IQM", "cap", "success", "return", "episodes"]]
+    lines += [[Path(policy).name, *(cell(values.get(key), "iqm", "iqm_interval") for key in SCORES),
+               " .. ".join(dict.fromkeys(f"{one:.2f}" for one in values["cap"])), cell(values["is_success"]),
+               cell(values["return"]), str(values["episodes"])] for policy, values in summary.items()]
     return aligned(lines)
 
 
 def draw(path: Path, rows: list[Row], title: str) -> None:
-    """Draw the scores of every policy's episodes, with means and their intervals."""
+    """Draw every episode's normalised score, or its score, with interquartile means, their intervals and the cap."""
     figure = Figure(figsize=(7.5, 4.0), layout="constrained")
     axes, summary = figure.subplots(), summarize(rows)
+    key = next(one for one in SCORES if all(one in row for row in rows))
     for place, (policy, values) in enumerate(summary.items()):
-        scores = [row["tcs"] for row in rows if row["policy"] == policy]
+        scores = [row[key] for row in rows if row["policy"] == policy]
         spread = np.linspace(-0.25, 0.25, len(scores)) if len(scores) > 1 else np.zeros(1)
         axes.plot(place + spread, scores, ".", ms=4, alpha=0.6)
-        mean, (low, high) = values["tcs"]["mean"], values["tcs"]["interval"]
-        axes.errorbar(place + 0.35, mean, [[mean - low], [high - mean]], fmt="ko", capsize=4, ms=4)
-    axes.set_xticks(range(len(summary)), [Path(policy).name for policy in summary])
-    axes.set(title=title, ylabel="task completion score")
+        middle, (low, high) = values[key]["iqm"], values[key]["iqm_interval"]
+        axes.errorbar(place + 0.35, middle, [[middle - low], [high - middle]], fmt="ko", capsize=4, ms=4)
+    caps = [1.0] if key == "normalised" else sorted({row["cap"] for row in rows if "cap" in row})
+    for cap in caps:
+        axes.axhline(cap, color="grey", lw=0.8, ls="--")
+    axes.set_xticks(range(len(summary)), [Path(policy).name for policy in summary], rotation=15)
+    axes.set(title=title, ylabel="score: no motion 0, cap 1" if key == "normalised" else "task completion score")
     axes.grid(axis="y", alpha=0.3)
     figure.savefig(path, dpi=110)

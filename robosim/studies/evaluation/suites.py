@@ -2,7 +2,8 @@
 
 nominal: the task's own material and random starts. wide: what `robosim.randomization.ranges.wide_ranges` draws, all at
 once: materials, fills, places, starts, frictions, and where the tool sits in the hand. materials: the task's own random
-starts in thirteen materials."""
+starts in thirteen materials. hard: what `hard_ranges` draws, in materials that "wide" and "hard" do not train in, with
+half the target, a delay and noise."""
 
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ from robosim.tasks.task import TaskConfig
 
 HELD_OUT = 1_000_000
 """Seed of the first episode of a suite; training draws its seeds from all 32-bit numbers, so that one in four thousand
-million is one of these."""
+million is one of these, and selects its best policy on seeds from 2 000 000 on."""
 
 
 class Start(NamedTuple):
@@ -49,7 +50,7 @@ def plan_starts(suite: str, task: TaskConfig, episodes: int, material: str | Non
             base, numbers = MATERIALS[label]
             starts.append(Start(HELD_OUT + k, base, tuple(numbers.items()), label))
         else:
-            starts.append(Start(HELD_OUT + k, own, label=own, randomize=suite))
+            starts.append(Start(HELD_OUT + k, own, label=own, randomize="hard_unseen" if suite == "hard" else suite))
     return starts
 
 

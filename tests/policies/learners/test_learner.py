@@ -14,7 +14,8 @@ from robosim.base.resources import config_names
 from robosim.config.settings import Setting
 
 BUILT = ("SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "GAIL")  # learners that are classes of Stable-Baselines3
-OWN_OPTIONS = {"BC": {"learning_rate", "updates", "batch_size", "net_arch"}, "CMA-ES": {"knots", "sigma", "population"},
+OWN_OPTIONS = {"BC": {"learning_rate", "updates", "batch_size", "net_arch"},
+               "DAgger": {"learning_rate", "updates", "batch_size", "net_arch", "expert_episodes", "noise"},
                "GNN-CMA-ES": {"knots", "sigma", "population"}, "replay": set()}
 """Options of the other learners, all of which a preset must give."""
 SLICES = {"particles": slice(0, 24), "tool": slice(24, 31), "time": slice(31, 32)}
@@ -62,9 +63,7 @@ def test_a_model_has_every_setting_of_its_preset(name):
         assert type(critic.features_extractor) is ENCODERS[preset.encoder]
         n = 2 * WIDTH if preset.encoder == "parts" else WIDTH * ENCODERS[preset.encoder].POOLS + 8
     if preset.learner != "SAC":
-        width = 512 if name == "dg_crossq" else 256
-        outputs = preset.options["policy_kwargs"].get("n_quantiles", 1)
-        assert widths(critic.qf0 if hasattr(critic, "qf0") else critic.quantile_critics[0]) == [width, width, outputs]
+        assert widths(critic.qf0) == [256, 256, 1]
         return
     assert (critic.norms is not None) == preset.critic_layer_norm
     assert (critic.embed is not None) == (preset.encoder == "parts")

@@ -15,7 +15,7 @@ def test_an_error_in_a_file_names_the_key(tmp_path):
     assert "pydantic" not in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("method", ["ppo", "bc", "gail", "residual", "cmaes", "demo"])
+@pytest.mark.parametrize("method", ["ppo", "bc", "gail", "residual", "dagger", "demo"])
 def test_settings_without_effect_are_refused(method):
     wrong = {**load_preset(method).model_dump(), "demonstrations": {"size": 50, "fraction": 0.5, "updates": 1}}
     with pytest.raises(ValueError, match="accepted: with SAC"):

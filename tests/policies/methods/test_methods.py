@@ -25,7 +25,7 @@ from robosim.episode.play import play
 from robosim.studies.evaluation.policies import make_policy, training_options
 
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
-EPISODES = {"cmaes": 10, "demo": 1}  # episodes of a short run: a generation, the one demonstration; 3 of other methods
+EPISODES = {"demo": 1}  # episodes of a short run: the one demonstration; 3 of other methods
 
 
 def test_a_run_is_the_method_itself(tmp_path):
@@ -49,7 +49,7 @@ def test_the_example_of_a_method_runs_and_continues(tmp_path, monkeypatch):
     returns = {}
     for name, episodes in (("whole", [4]), ("interrupted", [2, 4])):
         for last in episodes:
-            preset = load_preset("demo").model_copy(update={"episodes": 4, "learner": "CMA-ES", "options": {
+            preset = load_preset("demo").model_copy(update={"episodes": 4, "learner": "GNN-CMA-ES", "options": {
                 "knots": 4}})
             training = Training(name, preset, "Pendulum-v1", tmp_path / name, TrainingOptions(seed=1))
             training.preset = preset.model_copy(update={"episodes": last})
@@ -91,8 +91,8 @@ def test_every_method_runs_on_grains(tmp_path, method):
         assert np.array_equal(best["actions"], demonstration)
     if preset.residual is not None:
         assert np.abs(best["actions"] - demonstration).max() <= preset.residual + 1e-6
-    has_policy_file = preset.learner in ("BC", "GAIL", "PPO", "SAC", "TD3", "DDPG", "TQC") and preset.residual is None \
-        and preset.encoder is None
+    has_policy_file = preset.residual is None and preset.encoder is None and preset.learner in (
+        "BC", "DAgger", "GAIL", "PPO", "SAC", "TD3", "DDPG")
     assert (out / "best_policy.npz").is_file() == has_policy_file
     if has_policy_file:
         check_policy_file(out, best, is_deterministic=preset.learner == "BC")

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import wilcoxon
 
 from policies.learning.environments import make_environment
 from policies.learning.options import TrainingOptions
 from policies.methods.train import train
 from robosim.config.settings import read_setting
 from robosim.episode.play import play
+from robosim.studies.evaluation.suite_run import evaluate_suite
 
 TASK, REPEAT, EVERY, EPISODES = "SpoonTranslate", 10, 5, 20
 DEMONSTRATION = Path(__file__).resolve().parents[3] / "policies" / "trained" / "demonstrations" / f"{TASK}.npz"
@@ -53,3 +55,14 @@ def test_a_policy_learns_to_carry_grains(tmp_path):
     assert len(scores) == EPISODES // EVERY and status["evaluated"]["best"]["tcs"] == pytest.approx(max(scores))
     assert max(scores) > 0.0
     assert (tmp_path / "best_policy.npz").is_file()
+
+
+@pytest.mark.slow
+def test_a_policy_that_sees_the_target_beats_the_recording_where_targets_move(tmp_path):
+    """ShovelMove on `wide`: held-out starts in pairs, by Wilcoxon's test."""
+    assert train("dagger", "ShovelMove", tmp_path, TrainingOptions(randomize="wide", evaluate_every=25)) == 0
+    policies = [str(tmp_path / "best_policy.npz"), "learned"]
+    assert evaluate_suite("ShovelMove", policies, "wide", tmp_path / "judged", episodes=50, alone=True) == 0
+    rows = list(csv.DictReader((tmp_path / "judged" / "evaluation.csv").read_text().splitlines()))
+    learned, recorded = np.array([float(row["tcs"]) for row in rows]).reshape(2, 50)
+    assert wilcoxon(learned, recorded, alternative="greater")[1] < 1e-3, (learned.mean(), recorded.mean())

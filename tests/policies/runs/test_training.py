@@ -62,7 +62,7 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
 def test_arguments_that_do_not_fit_are_refused(tmp_path):
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((100, 6)))
     for method, task, demos, error, message in (
-            ("dgsac", "Pendulum-v1", None, ConfigError, "valid: bc, cmaes"),
+            ("dgsac", "Pendulum-v1", None, ConfigError, "valid: bc, dagger"),
             ("sac", "NoSuchTask", None, ConfigError, "NoSuchTask"),
             ("dg_sac", "Pendulum-v1", None, mpm.InvalidValue, "--demos"),
             ("dg_sac", "Pendulum-v1", tmp_path, mpm.InvalidValue, r"shape \(100, 6\)"),

@@ -6,8 +6,9 @@ import taichi as ti
 from grain_envs import make, make_vector, play
 
 from mpm.observers.height_map import Raster
-from robosim.base.errors import ConfigError
+from robosim.base.errors import ConfigError, RobosimError
 from robosim.randomization.variants import displacement, placed
+from robosim.senses.grains import GOAL_FRAME
 from robosim.senses.height_map import PlacedFloor, floor_heights
 from robosim.tasks.draw import HOME
 from robosim.tasks.task import load_task
@@ -131,3 +132,50 @@ def test_height_map_of_a_container_elsewhere_is_that_of_a_task_with_it_there():
     home = floor_heights(task, raster)
     assert np.mean(np.abs(PlacedFloor(task, raster).heights(HOME) - home) < 1e-4) > 0.96 > np.mean(
         np.abs(exact - home) < 1e-4)
+
+
+def test_hard_has_half_the_target_a_delay_noise_and_room_and_starts_that_do_not_depend_on_the_observation():
+    wide, layout, terms = (make("SpoonTranslate", randomize=name, **obs) for name, obs in (
+        ("wide", {}), ("hard", {}), ("hard", {"obs": ["goal_frame", "tool"]})))
+    assert layout.task.target.half[:2] == pytest.approx(0.5 * np.array(wide.task.target.half[:2]))
+    assert layout.member.delay.steps == 10 and wide.member.delay.steps == 0
+    place, room = layout.world.randomization.ranges["place_x"][1], np.array(layout.task.action.upper)
+    assert place == 0.1 and room[0] >= layout.task.goal[0] + place
+    draws = [env.reset(seed=7)[1]["draw"] for env in (layout, terms)]
+    sensors = {"goal_frame.noise", "tool.noise"}
+    assert set(draws[1]["numbers"]) - set(draws[0]["numbers"]) == sensors
+    assert draws[0] == {**draws[1], "numbers": {
+        name: value for name, value in draws[1]["numbers"].items() if name not in sensors}}
+    unseen = make("SpoonTranslate", randomize="hard_unseen").world.randomization
+    assert not set(unseen.materials) & set(layout.world.randomization.materials)
+
+
+def test_ranges_may_be_a_file(tmp_path):
+    file = tmp_path / "own.yaml"
+    file.write_text("place_x: [-0.05, 0.05]\nmaterial: [salt, sugar]\n")
+    assert make("SpoonPour", randomize=str(file)).world.randomization.describe() == {
+        "place_x": [-0.05, 0.05], "material": ["salt", "sugar"]}
+    for text, message in (("3", "holds 3; accepted"), ("place_x: 0.1", "accepted: .lowest"), ("no: [0, 1]", "no")):
+        file.write_text(text)
+        with pytest.raises(RobosimError, match=message):
+            make("SpoonPour", randomize=str(file))
+
+
+def test_what_is_seen_in_the_goals_frame_does_not_say_where_the_target_stands():
+    """With the tool at the same place and heading in it; only the heading of the frame itself differs."""
+    task = load_task("SpoonTranslate")
+    free = task.action.model_copy(update={"lower": (-9.0, -9.0, -9.0), "upper": (9.0, 9.0, 9.0)})
+    task, seen = task.model_copy(update={"action": free}), []
+    for x, y, yaw in ((0.0, 0.0, 0.0), (0.024, -0.016, 12.0)):
+        env = make("Task", task=task, obs=["goal_frame"], randomize={
+            name: (value, value) for name, value in zip(PLACE, (x, y, yaw))})
+        place, start = displacement(task, x, y, yaw), np.array(task.start.position)
+        shift = place.apply(start[None])[0] - start
+        values = env.reset(seed=0, options={"nominal": True, "shift": shift, "turn_deg": yaw})[0]["goal_frame"]
+        ends = np.cumsum(list(GOAL_FRAME.values()))[:-1]
+        seen.append(dict(zip(GOAL_FRAME, np.split(values, ends))))
+        env.close()
+    for name, length in GOAL_FRAME.items():
+        assert len(seen[0][name]) == length
+        assert name == "axes" or seen[0][name] == pytest.approx(seen[1][name], abs=2e-3), name
+    assert seen[1]["axes"] == pytest.approx([np.cos(np.radians(12.0)), np.sin(np.radians(12.0))], abs=1e-6)

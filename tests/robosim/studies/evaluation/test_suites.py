@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robosim.base.errors import ConfigError, RobosimError, UnknownName
+from robosim.base.statistics import bootstrap, interquartile_mean
 from robosim.commands.runs.evaluate import check_policy, find_network
 from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
@@ -16,7 +17,7 @@ from robosim.studies.evaluation import evaluate as one_task
 from robosim.studies.evaluation import suite_run
 from robosim.studies.evaluation.evaluate import evaluate
 from robosim.studies.evaluation.policies import check_task
-from robosim.studies.evaluation.suite_run import COMPARED, bootstrap, compared, evaluate_suite, find_policy
+from robosim.studies.evaluation.suite_run import COMPARED, compared, evaluate_suite, find_policies, normalise
 from robosim.studies.evaluation.suites import plan_starts
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task
@@ -29,8 +30,9 @@ def test_a_suite_is_the_same_for_all_and_a_short_one_begins_a_long_one() -> None
     assert {start.world for start in wide} == {("salt", (), "wide")}
     assert {start.label for start in plan_starts("materials", task, 13)} == set(MATERIALS)
     assert {start.world for start in plan_starts("nominal", task, 5)} == {("salt", (), "nominal")}
-    with pytest.raises(UnknownName, match="materials, nominal, wide"):
-        plan_starts("hard", task, 1)
+    assert {start.randomize for start in plan_starts("hard", task, 3)} == {"hard_unseen"}
+    with pytest.raises(UnknownName, match="hard, materials, nominal, wide"):
+        plan_starts("harder", task, 1)
 
 
 def test_a_turned_start_turns_the_load_with_the_tool() -> None:
@@ -91,12 +93,12 @@ def test_a_network_is_refused_for_another_version_of_its_task(tmp_path: Path) ->
                "activations": ["none"], "obs": "moments", "task": "SpoonTranslate", "action_repeat": 100}
     np.savez(path, **network, task_table=json.dumps(learned))
     for run in (lambda: evaluate("SpoonTranslate", str(path), None),
-                lambda: evaluate_suite("SpoonTranslate", str(path), "wide", None)):
+                lambda: evaluate_suite("SpoonTranslate", [str(path)], "wide", None)):
         with pytest.raises(ConfigError, match=r"learned on SpoonTranslate with field.cell 0.004, here 0.008; goal "):
             run()
     check_task(str(path), task, {"field", "goal"})
     np.savez(path, **network, task_table=task.model_dump_json(exclude={"description"}))
-    assert evaluate_suite("SpoonTranslate", str(path), "wide", None, episodes=1) == 0
+    assert evaluate_suite("SpoonTranslate", [str(path)], "wide", None, episodes=1, alone=True) == 0
     np.savez(path, **network, task_table="{")
     with pytest.raises(ConfigError, match="task_table: not JSON"):
         check_task(str(path), task)
@@ -115,13 +117,13 @@ def test_a_bundled_network_is_a_policy_where_there_is_one(monkeypatch: pytest.Mo
 
 
 def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    assert evaluate_suite("SpoonTranslate", "scripted", "wide", tmp_path, episodes=2) == 0
+    assert evaluate_suite("SpoonTranslate", ["scripted"], "wide", tmp_path, episodes=2) == 0
     rows = list(csv.DictReader((tmp_path / "evaluation.csv").read_text().splitlines()))
     names = list(dict.fromkeys(row["policy"] for row in rows))
-    assert names == ["scripted", "learned", "zero"] and (tmp_path / "evaluation.png").is_file()
+    assert names == ["scripted", "knowing", "learned", "zero"] and (tmp_path / "evaluation.png").is_file()
     starts = [[(row["seed"], row["tool_x"], row["place_yaw_deg"]) for row in rows if row["policy"] == name]
               for name in names]
-    assert starts[0] == starts[1] == starts[2] and len(set(starts[0])) == 2
+    assert starts[0] == starts[1] == starts[2] == starts[3] and len(set(starts[0])) == 2
     summary = json.loads((tmp_path / "evaluation.json").read_text())
     assert summary["is_complete"] and set(summary["policies"]) == set(names)
     scores = {name: values["tcs"]["mean"] for name, values in summary["policies"].items()}
@@ -132,7 +134,7 @@ def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: py
 def test_a_policy_alone_has_the_figures_that_it_has_beside_others(tmp_path, capsys) -> None:
     rows = {}
     for alone in (False, True):
-        assert evaluate_suite("SpoonTranslate", "zero", "nominal", tmp_path, episodes=1, alone=alone) == 0
+        assert evaluate_suite("SpoonTranslate", ["zero"], "nominal", tmp_path, episodes=1, alone=alone) == 0
         rows[alone] = list(csv.DictReader((tmp_path / "evaluation.csv").read_text().splitlines()))
     assert rows[True] == rows[False][:1] and {row["policy"] for row in rows[False]} > {"zero"}
     assert "scripted" not in capsys.readouterr().out.splitlines()[-1]
@@ -145,14 +147,34 @@ def test_an_interval_covers_the_mean_about_as_often_as_it_says() -> None:
         hits += low <= 1.0 <= high
     assert 0.87 <= hits / 200 <= 0.98  # of a skewed sample a little less than 0.95
     assert bootstrap([3.0] * 10) == (3.0, 3.0)
+    runs = np.repeat([[0.0], [1.0], [2.0]], 40, axis=1)  # alike within a run: what differs is the seed alone
+    assert bootstrap(runs) == (0.0, 2.0) and bootstrap(runs[1:2]) == (1.0, 1.0)
+
+
+def test_the_middle_half_ignores_outliers_and_scores_are_between_no_motion_and_the_cap() -> None:
+    assert interquartile_mean(np.array([-1e9, 1.0, 2.0, 1e9])) == 1.5
+    rows = [{"policy": policy, "episode": k, "tcs": tcs, "cap": 40.0} for policy, scores in (
+        ("zero", (-40.0, 0.0)), ("mine", (0.0, 40.0))) for k, tcs in enumerate(scores)]
+    normalise(rows)
+    assert [row["normalised"] for row in rows] == [0.0, 0.0, 0.5, 1.0]
+
+
+def test_best_and_last_policies_of_all_seeds_have_a_label_each(tmp_path: Path) -> None:
+    for seed in range(3):
+        (tmp_path / f"seed_{seed}").mkdir()
+        for name in ("best_policy.npz", "last_policy.npz"):
+            (tmp_path / f"seed_{seed}" / name).touch()
+    found = find_policies(str(tmp_path))
+    assert [Path(label).name for label in found] == [tmp_path.name, f"{tmp_path.name}, last"]
+    assert [[Path(file).parent.name[-1] for file in files] for files in found.values()] == [["0", "1", "2"]] * 2
 
 
 def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "best.npz", actions=np.zeros((100, 3), np.float32), task="SpoonPour", action_repeat=10)
-    assert find_policy(str(tmp_path)) == str(tmp_path / "best.npz")
-    cases = [({"name": str(tmp_path), "suite": "wide"}, "for SpoonPour; accepted: for SpoonTranslate"),
-             ({"name": str(tmp_path.parent), "suite": "wide"}, "best_policy.npz"),
-             ({"name": "scripted", "suite": "wide", "material": "sand"}, "--material sand with --suite wide")]
+    assert find_policies(str(tmp_path)) == {str(tmp_path): [str(tmp_path / "best.npz")]}
+    cases = [({"names": [str(tmp_path)], "suite": "wide"}, "for SpoonPour; accepted: for SpoonTranslate"),
+             ({"names": [str(tmp_path.parent)], "suite": "wide"}, "best_policy.npz"),
+             ({"names": ["scripted"], "suite": "wide", "material": "sand"}, "--material sand with --suite wide")]
     for arguments, message in cases:
         with pytest.raises(RobosimError, match=message):
             evaluate_suite("SpoonTranslate", out=None, episodes=1, **arguments)
