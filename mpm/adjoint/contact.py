@@ -118,7 +118,7 @@ def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(),
     for q in range(P.pack_count[None]):
         # the correction moves a particle by a small part of a cell
         if is_near(fields, after.x, q, centre, fields.colliders[index].sdf.radius + 0.6 * fields.cell):
-            v, _B, _f = gather_pack(fields, P, q)
+            v, _B, _f, _masses = gather_pack(fields, P, q)
             for d in ti.static(range(3)):
                 v[d] = kept_off_walls(fields, d, P.x[d][q], v[d], dt)
                 after.v[d][q] = v[d]

@@ -35,6 +35,8 @@ class Sleepers:
         self.contribution = ti.Vector.field(4, real_type(precision), nodes)
         """The same as force [N] and mass [kg], which phases read."""
         self.changed = ti.field(ti.i32, blocks)  # 1 where `contribution` is not up to date with `sums`
+        self.changed_blocks = ti.Vector.field(3, ti.i32, int(np.prod(blocks)))  # the blocks where it is 1
+        self.changed_count = ti.field(ti.i32, ())  # how many these are
         self.stencil_count = ti.field(ti.i32, blocks)  # how many sleepers' stencils reach each block
         self.near = ti.field(ti.i32, blocks)
         """Number of the last search that found a moving collider in reach of the block."""

@@ -31,8 +31,9 @@ def check_sleep(fields: ti.template(), launch: ti.template(), s, rows, elapsed):
     if rows > 0:
         fields.sleepers.search[None] = fields.sleepers.search[None] + 1
         find_near_blocks(fields, launch, launch.first_row + s, rows, stamp)
-    fallen = find_falling_asleep(fields, fields.particles, elapsed, launch.out)
-    woken = 0
+    fallen, woken = 0, 0
+    if elapsed > 0:  # else the last launch has ended with a check
+        fallen = find_falling_asleep(fields, fields.particles, elapsed, launch.out)
     if fields.sleepers.is_disturbed[None] > 0:
         woken = wake_disturbed(fields, fields.particles, stamp)
         fields.sleepers.is_disturbed[None] = 0

@@ -41,14 +41,16 @@ def write_changed_blocks(fields: ti.template()):
     """Write the contribution of sleepers to the nodes of blocks where it has changed."""
     quanta = ti.Vector([fields.sleepers.limits[FORCE], fields.sleepers.limits[FORCE], fields.sleepers.limits[FORCE],
                         fields.sleepers.limits[MASS]])
-    for block in ti.grouped(ti.ndrange(*fields.sleepers.changed.shape)):
-        if fields.sleepers.changed[block] > 0:
-            fields.sleepers.changed[block] = 0
-            for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
+    for n in range(fields.sleepers.changed_count[None]):
+        block = fields.sleepers.changed_blocks[n]
+        fields.sleepers.changed[block] = 0
+        for a, b in ti.ndrange(BLOCK, BLOCK):
+            for c in ti.static(range(BLOCK)):
                 I = block * BLOCK + ti.Vector([a, b, c])
                 sums = fields.sleepers.sums[I]
                 fields.sleepers.contribution[I] = ti.Vector([ti.cast(quanta[d] * ti.cast(sums[d], ti.f64), fields.real)
-                                                      for d in range(4)])
+                                                             for d in range(4)])
+    fields.sleepers.changed_count[None] = 0
 
 
 @ti.func
@@ -89,7 +91,10 @@ def add_contribution(fields: ti.template(), node, f, Q, mass, sign):
         for j in range(low[1], high[1] + 1):
             for k in range(low[2], high[2] + 1):
                 fields.sleepers.stencil_count[i, j, k] = fields.sleepers.stencil_count[i, j, k] + ti.cast(sign, ti.i32)
-                fields.sleepers.changed[i, j, k] = 1
+                if fields.sleepers.changed[i, j, k] == 0:
+                    fields.sleepers.changed[i, j, k] = 1
+                    fields.sleepers.changed_blocks[fields.sleepers.changed_count[None]] = ti.Vector([i, j, k])
+                    fields.sleepers.changed_count[None] = fields.sleepers.changed_count[None] + 1
 
 
 @ti.func

@@ -39,7 +39,7 @@ def gather_and_move(fields: ti.template(), P: ti.template(), step: ti.template()
     squares = fastest
     for place in range(first, last):
         q = pack_at(fields, place)
-        v, B, f = gather_pack(fields, P, q)
+        v, B, f, masses = gather_pack(fields, P, q)
         gradient = 4.0 / fields.cell
         for r in ti.static(range(3)):
             for c in ti.static(range(3)):
@@ -58,7 +58,7 @@ def gather_and_move(fields: ti.template(), P: ti.template(), step: ti.template()
             last_key = mark_active_lanes(fields, P, q, last_key, step.stamp + step.span)
         v2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
         fastest = ti.max(fastest, v2)
-        squares += v2
+        squares += v2 + masses
     note_speeds(P, fastest.max(), squares.sum())
 
 
@@ -87,23 +87,22 @@ def check_speeds(fields: ti.template(), step: ti.template(), first, last):
 
 @ti.func
 def gather_pack(fields: ti.template(), P: ti.template(), q):
-    """Return velocity (three packs) at pack q, its moments about the first node, per cell (nine), and the offsets."""
+    """Return velocity (three packs) at pack q, its moments about the first node, per cell (nine), the offsets, and what
+    the nodes' masses add up to: of use only where one is not finite."""
     base, f = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
-    v = [once(f[0] * 0.0) for _ in range(3)]
-    B = [once(f[0] * 0.0) for _ in range(9)]
+    # four numbers a node, the mass too, stored together and all used: only then LLVM makes them one vector
+    rows = [once(ti.Matrix.zero(fields.real, LANES, 4)) for _ in range(4)]
     for l in range(LANES):  # as in `scatter_pack`
         if is_active(fields, q, l):
             w = [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)]
-            value, moment_i, moment_j, moment_k = gather(
-                ti.static(NodeValues(fields.grid.nodes, SingleLayer())), [once(base[d][l]) for d in range(3)],
-                fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
-            for r in ti.static(range(3)):
-                v[r][l] = value[r]
-                B[3 * r][l] = moment_i[r]
-                B[3 * r + 1][l] = moment_j[r]
-                B[3 * r + 2][l] = moment_k[r]
-    return v, B, f
+            sums = gather(ti.static(NodeValues(fields.grid.nodes, SingleLayer())), [once(base[d][l]) for d in range(3)],
+                          fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
+            for i, c in ti.static(ti.ndrange(4, 4)):
+                rows[i][l, c] = sums[i][c]
+    packs = [[once(ti.Vector([row[l, c] for l in range(LANES)])) for row in rows] for c in range(4)]
+    return ([each[0] for each in packs[:3]], [each[i] for each in packs[:3] for i in range(1, 4)], f,
+            once(packs[3][0] + packs[3][1] + packs[3][2] + packs[3][3]))
 
 
 @ti.func
