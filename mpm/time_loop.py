@@ -27,7 +27,7 @@ class TimeLoop:
     def __init__(self, core: Core) -> None:
         self._core, self._unsampled, self._has_warned_of_held = core, np.zeros((1, 6), np.float32), False
         self.launches = 0  # of this solver: without one, particles stay as they are unless a state is loaded
-        self._is_at_rest = False  # whether the last launch began with all colliders at rest, and summed nothing
+        self._is_at_rest = False  # whether in the last launch all slept and no collider moved
         self.make_stepper()
 
     def make_stepper(self) -> None:
@@ -63,8 +63,9 @@ class TimeLoop:
             raise InvalidValue(f"advance: duration = {quote(duration)} s; accepted: a positive time")
         if not isinstance(readings, Integral) or not 1 <= readings <= MAX_READINGS:
             raise InvalidValue(f"advance: readings = {quote(readings)}; accepted: 1 to {MAX_READINGS}")
-        if self._stays_at_rest():
-            self._pass_time(duration, readings)
+        is_unread = core.counter is None and core.sample is None and core.fields.substep_counter.is_listed
+        if self._is_at_rest and is_unread and self._are_colliders_at_rest:
+            core.progress.pass_time(duration, readings * math.ceil(duration / readings / core.dt - 1e-9))
             return []
         core.rollback.begin()
         try:
@@ -75,22 +76,13 @@ class TimeLoop:
             core.rollback.undo()
             raise
 
-    def _stays_at_rest(self) -> bool:
-        """Whether all particles sleep and nothing was set since the last launch, so that another changes nothing.
-        Where gravity acts, particles awake leave sums that are not zero."""
-        core = self._core
-        return bool(core.features.sleep and self._is_at_rest and core.fields.substep_counter.is_listed
-                    and core.counter is None and core.sample is None and core.paths.is_at_rest)
-
-    def _pass_time(self, duration: float, readings: int) -> None:
-        """Count the substeps of an advance in which nothing moves."""
-        progress, total = self._core.progress, readings * math.ceil(duration / readings / self._core.dt - 1e-9)
-        progress.time, progress.steps = progress.time + duration, progress.steps + total
-        progress.substep, progress.sums[:] = duration / total, 0.0
+    @property
+    def _are_colliders_at_rest(self) -> bool:
+        return not self._core.paths.pending and self._core.mobility.is_at_rest
 
     def _advance(self, duration: float, readings: int) -> list[Counts]:
         """Advance, see `advance`; an error leaves the solver where it came about."""
-        core, progress, rests = self._core, self._core.progress, self._core.paths.is_at_rest
+        core, progress, rests = self._core, self._core.progress, self._are_colliders_at_rest
         total, table = core.paths.plan(duration, readings, core.dt, core.dtype)
         dt, interval = duration / total, total // readings
         counts: list[Counts] = []
@@ -124,7 +116,8 @@ class TimeLoop:
                 taken = range(first // interval, (first + n) // interval)
                 counts += core.counter.all_counts(self._out[rows.count :], self._per_particle, taken)
             core.mobility.end(core.paths.poses)
-            self._is_at_rest = rests and not self._out.any() and core.scene.gravity.any()
+            # where gravity acts, particles awake leave sums that are not zero
+            self._is_at_rest = rests and core.features.sleep and core.scene.gravity.any() and not self._out.any()
         return counts
 
     def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:

@@ -3,7 +3,6 @@ Taichi 1.7 traces a function again at every call and an unrolled loop in every t
 the source text for error messages that are rarely shown. With the lookups cached, tracing takes half as long, and the
 messages stay as they are."""
 
-import ast
 import functools
 import sys
 import textwrap
@@ -32,19 +31,17 @@ def cache_sources(lang: Any) -> None:
 
 def reuse_trees(kernels: Any) -> None:
     """Parse the text of a function once; it is parsed again only where it is traced within itself."""
-    trees: dict[str, list[ast.Module]] = {}
+    trees: dict[str, list[Any]] = {}
     parse, transform = kernels.ast.parse, kernels.transform_tree
 
-    def take(text: str) -> ast.Module:
+    def take(text: str) -> Any:
         free = trees.setdefault(text, [])
-        tree = free.pop() if free else parse(text)
-        tree.text = text
-        return tree
+        return free.pop() if free else parse(text)
 
-    def transform_and_free(tree: ast.Module, ctx: Any) -> Any:
+    def transform_and_free(tree: Any, ctx: Any) -> Any:
         result = transform(tree, ctx)
         if not ctx.is_kernel:  # whose tree loses its arguments
-            trees[tree.text].append(tree)
+            trees[kernels.textwrap.dedent("\n".join(ctx.src))].append(tree)
         return result
 
     kernels.ast, kernels.transform_tree = SimpleNamespace(parse=take), transform_and_free

@@ -57,11 +57,6 @@ class ColliderPaths:
                 f"at {self.poses[index].position.tolist()} m, {travel / self._grid.cell:.2g} cells away; particles in "
                 f"between are not pushed; begin at collider_pose({index}), or give jump=True"), stacklevel=4)
 
-    @property
-    def is_at_rest(self) -> bool:
-        """Whether no collider moves in the next advance, nor was placed anew since the last one."""
-        return not self.pending and self.mobility.is_at_rest
-
     def pose(self, index: int) -> Pose:
         """Return the pose of a collider; raises InvalidValue where there is none."""
         if not 0 <= index < len(self.poses):

@@ -59,7 +59,7 @@ class MobilityTable:
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether no collider was set since the last advance, nor moves after it."""
+        """Whether no collider was set since the last advance, nor moves in the next."""
         return not (self._is_set or self.twists.any())
 
     def save(self) -> dict[str, np.ndarray]:

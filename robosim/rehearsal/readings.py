@@ -1,8 +1,8 @@
 """The readings of a rehearsal, step by step."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,26 +81,18 @@ def name_columns(joints: Sequence[str], slides: Collection[str] = ()) -> list[st
             *(f"commanded_{c}" for c in POSE), *(f"reached_{c}" for c in POSE)]
 
 
-class StepSource(Protocol):
-    """What stores the steps of a run until their readings are wanted, see `robosim.rehearsal.step_record`."""
-
-    def compute(self) -> Steps:
-        """Compute the readings of the steps that are stored, and forget these."""
-        ...
-
-
 class Readings:
-    """All readings of a run of an arm with these joints; source: of the steps' readings."""
+    """All readings of a run of an arm with these joints; compute: gives those of the steps since its last call."""
 
-    def __init__(self, joints: Sequence[str], slides: Collection[str], source: StepSource) -> None:
-        self.joints, self.slides, self._source = tuple(joints), tuple(slides), source
+    def __init__(self, joints: Sequence[str], slides: Collection[str], compute: Callable[[], Steps]) -> None:
+        self.joints, self.slides, self._compute = tuple(joints), tuple(slides), compute
         self._parts: list[Steps] = []
         self.grains: list[GrainSample] = []
         self.energies: list[EnergySample] = []
 
     def collect(self) -> Steps:
         """Compute the readings of the steps since the last call, and return them."""
-        new = self._source.compute()
+        new = self._compute()
         if len(new.time):
             self._parts.append(new)
         return new

@@ -72,7 +72,7 @@ class RehearsalRun:
         self.driver: MotionDriver = self._make_driver(driver)
         """What commands the joints."""
         self._record = StepRecord(self.cell, plan.arm, self.plan.motion)
-        self.readings = Readings(plan.arm.joints, plan.arm.assembly.robot.slides, self._record)
+        self.readings = Readings(plan.arm.joints, plan.arm.assembly.robot.slides, self._record.compute)
         self._speeds = np.zeros((SERVO_INTERVAL, len(plan.arm.joints)))
         self._last_read: dict[str, tuple[int, tuple]] = {}  # what -> launches of the solver until then, and values
         self.wall_time = 0.0

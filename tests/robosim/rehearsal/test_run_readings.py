@@ -40,8 +40,7 @@ def test_the_file_has_one_sign_for_commanded_and_reached(tmp_path: Path) -> None
     poses = [np.column_stack([np.full((50, 3), 0.1), rng.choice([-1, 1], (50, 1)) * quaternions]) for _ in range(2)]
     none = np.zeros((0, 7))
     steps = iter([Steps(np.arange(50) * 1e-3, *[np.zeros((50, 7))] * 7, *poses, *[np.zeros((50, 6))] * 6)])
-    source = SimpleNamespace(compute=lambda: next(steps, Steps(*[none] * 16)))
-    readings = Readings([f"A{k}" for k in range(1, 8)], (), source)
+    readings = Readings([f"A{k}" for k in range(1, 8)], (), lambda: next(steps, Steps(*[none] * 16)))
     readings.write_csv(tmp_path / "trajectory.csv")
     rows = np.loadtxt(tmp_path / "trajectory.csv", delimiter=",", skiprows=1)
     first = {name: name_columns(readings.joints).index(f"{name}_qw") for name in ("commanded", "reached")}
