@@ -26,6 +26,8 @@ class TimeLoop:
 
     def __init__(self, core: Core) -> None:
         self._core, self._unsampled, self._has_warned_of_held = core, np.zeros((1, 6), np.float32), False
+        self.launches = 0  # of this solver: without one, particles stay as they are unless a state is loaded
+        self._is_at_rest = False  # whether in the last launch all slept and no collider moved
         self.make_stepper()
 
     def make_stepper(self) -> None:
@@ -61,6 +63,10 @@ class TimeLoop:
             raise InvalidValue(f"advance: duration = {quote(duration)} s; accepted: a positive time")
         if not isinstance(readings, Integral) or not 1 <= readings <= MAX_READINGS:
             raise InvalidValue(f"advance: readings = {quote(readings)}; accepted: 1 to {MAX_READINGS}")
+        is_unread = core.counter is None and core.sample is None and core.fields.substep_counter.is_listed
+        if self._is_at_rest and is_unread and self._are_colliders_at_rest:
+            core.progress.pass_time(duration, readings * math.ceil(duration / readings / core.dt - 1e-9))
+            return []
         core.rollback.begin()
         try:
             return self._advance(duration, readings)
@@ -70,9 +76,13 @@ class TimeLoop:
             core.rollback.undo()
             raise
 
+    @property
+    def _are_colliders_at_rest(self) -> bool:
+        return not self._core.paths.pending and self._core.mobility.is_at_rest
+
     def _advance(self, duration: float, readings: int) -> list[Counts]:
         """Advance, see `advance`; an error leaves the solver where it came about."""
-        core, progress = self._core, self._core.progress
+        core, progress, rests = self._core, self._core.progress, self._are_colliders_at_rest
         total, table = core.paths.plan(duration, readings, core.dt, core.dtype)
         dt, interval = duration / total, total // readings
         counts: list[Counts] = []
@@ -89,6 +99,7 @@ class TimeLoop:
                 self._launch(n, dt, np.ascontiguousarray(table[:, first : first + n]), first, interval)
                 numbers.is_listed = True
             numbers.pass_substeps(n)
+            self.launches += 1
             squares, fastest, halted, held = self._out[rows.status, :4].tolist()
             done = int(halted) or n
             progress.sums += self._out[: rows.count]
@@ -105,6 +116,8 @@ class TimeLoop:
                 taken = range(first // interval, (first + n) // interval)
                 counts += core.counter.all_counts(self._out[rows.count :], self._per_particle, taken)
             core.mobility.end(core.paths.poses)
+            # where gravity acts, particles awake leave sums that are not zero
+            self._is_at_rest = rests and core.features.sleep and core.scene.gravity.any() and not self._out.any()
         return counts
 
     def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:

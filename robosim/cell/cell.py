@@ -83,11 +83,9 @@ class Cell:
         """Return the world pose of the tool's frame."""
         return body_pose(self.data, self.scene.tool)
 
-    def tool_velocity(self) -> np.ndarray:
-        """Return the velocity of the tool's centre of mass in world axes (6,): angular, linear, in MuJoCo's order."""
-        velocity = np.zeros(6)
-        mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, self.scene.tool, velocity, 0)
-        return velocity
+    def read_tool_velocity(self, out: np.ndarray) -> None:
+        """Write the velocity of the tool's centre of mass in world axes (6,): angular, linear, in MuJoCo's order."""
+        mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, self.scene.tool, out, 0)
 
     def wrist_wrench(self) -> np.ndarray:
         """Return force [N] and torque [N m] (6,) of the wrist sensor in world axes, at the last step's start."""

@@ -32,11 +32,16 @@ class CoupledBodies:
         """Bodies whose colliders move."""
         self.dynamic = [name for name in self.moving if name not in self.driven]
         """Bodies that MuJoCo moves, and that the grains push."""
-        for name, c in self.colliders.items():
-            if self._is_outside_grid(name, colliders[c]):
-                raise ConfigError(f"body {name!r} is at {data.xpos[self.ids[name]].round(4).tolist()} m, outside the "
-                                  f"solver's grid {solver.grid.lower} .. {solver.grid.upper} m; enlarge the grid, or "
-                                  f"place the body in it")
+        # views: to access an array of data takes as long as to read from it
+        self._positions, self._quaternions, self._rows = data.xpos, data.xquat, list(self.ids.values())
+        self._dynamic_rows = [self.ids[name] for name in self.dynamic]
+        radii = np.array([[colliders[c].sdf.radius] for c in self.colliders.values()]).reshape(-1, 1)
+        lower = np.asarray(solver.grid.lower)
+        self._least, self._most = lower - radii, lower + solver.grid.cells * solver.grid.cell + radii
+        for name in self.find_outside_grid():
+            raise ConfigError(f"body {name!r} is at {data.xpos[self.ids[name]].round(4).tolist()} m, outside the "
+                              f"solver's grid {solver.grid.lower} .. {solver.grid.upper} m; enlarge the grid, or "
+                              f"place the body in it")
         if any(c is not old for c, old in zip_longest(colliders, solver.colliders)):
             solver.set_colliders(colliders)
 
@@ -44,10 +49,16 @@ class CoupledBodies:
         """Return the world pose of a body's frame."""
         return body_pose(self._data, self.ids[name])
 
+    def dynamic_poses(self) -> np.ndarray:
+        """Return the world poses (B, 7) of the bodies that MuJoCo moves: position [m], quaternion."""
+        rows = self._dynamic_rows
+        return np.concatenate([self._positions[rows], self._quaternions[rows]], axis=1)
+
     def find_outside_grid(self) -> set[str]:
-        """Find the moving bodies whose bounding balls lie outside the solver's grid."""
-        return {name for name in self.moving
-                if self._is_outside_grid(name, self._solver.colliders[self.colliders[name]])}
+        """Find the bodies whose bounding balls lie outside the solver's grid."""
+        places = self._positions[self._rows]
+        is_outside = (places < self._least) | (places > self._most)
+        return {name for name, row in zip(self.ids, is_outside) if row.any()} if is_outside.any() else set()
 
     def _make_colliders(self, bodies: dict[str, int | None],
                         is_mobile: bool) -> tuple[dict[str, int], list[mpm.Collider]]:
@@ -62,12 +73,6 @@ class CoupledBodies:
                 colliders[collider] = replace(colliders[collider], mobile=mobile)
             indices[name] = collider
         return indices, colliders
-
-    def _is_outside_grid(self, name: str, collider: mpm.Collider) -> bool:
-        """Whether a body's bounding ball lies outside the solver's grid."""
-        grid, radius, position = self._solver.grid, collider.sdf.radius, self._data.xpos[self.ids[name]]
-        upper = np.asarray(grid.lower) + grid.cells * grid.cell
-        return bool(np.any(position + radius < grid.lower) or np.any(position - radius > upper))
 
 
 def check_bodies(model: mujoco.MjModel, solver: mpm.Solver, bodies: dict[str, int | None]) -> None:

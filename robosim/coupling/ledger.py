@@ -1,6 +1,5 @@
 """The momentum balance of one coupled step."""
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -37,41 +36,27 @@ class Ledger(NamedTuple):
 
     @property
     def exchanged(self) -> np.ndarray:
-        """Sum of the magnitudes of all impulses (2,), linear and angular: the scale of `residual`."""
+        """Sum of the magnitudes of all impulses (..., 2), linear and angular: the scale of `residual`."""
         rows = np.array([self.gravity, self.walls, self.static, self.sleepers, *self.bodies.values()])
-        return np.sqrt((rows * rows).sum(2)).sum(0)
+        return np.moveaxis(np.sqrt((rows * rows).sum(-1)).sum(0), 0, -1)
 
 
-def _impulse(row: np.ndarray) -> Impulse:
-    return Impulse(row[:3].copy(), row[3:].copy())
+def write_sums(solver: mpm.Solver, before: Momentum, out: np.ndarray) -> None:
+    """Write what the solver's last advance summed to out (rows, 6), linear and angular, about the world's origin.
+    Change of the grains' momentum, whose value `before` it is given; gravity, walls, each collider; sleepers."""
+    after = solver.momentum_after_advance()
+    out[0, :3], out[0, 3:] = after.linear - before.linear, after.angular - before.angular
+    out[1:-1] = solver.ledger
+    out[-1, :3], out[-1, 3:] = solver.readings.sleepers_impulse
 
 
-def close_ledger(solver: mpm.Solver, before: Momentum, bodies: dict[str, int]) -> Ledger:
-    """Balance the solver's last advance; before: the grains' momentum then; bodies: name -> collider's index."""
-    grains = np.concatenate(solver.momentum_after_advance()) - np.concatenate(before)
-    rows = solver.ledger
-    on_grains = {name: rows[FIRST_COLLIDER_ROW + collider] for name, collider in bodies.items()}
-    others = [i for i in range(len(solver.colliders)) if i not in bodies.values()]
-    rest = sum((rows[FIRST_COLLIDER_ROW + i] for i in others), np.zeros(6))
-    sleepers = np.concatenate(solver.readings.sleepers_impulse)
-    residual = grains - rows[GRAVITY_ROW] - rows[WALL_ROW] - rest - sleepers - sum(on_grains.values(), np.zeros(6))
-    return Ledger(_impulse(grains), _impulse(rows[GRAVITY_ROW]), _impulse(rows[WALL_ROW]),
-                  {name: _impulse(row) for name, row in on_grains.items()}, _impulse(rest), _impulse(sleepers),
-                  _impulse(residual))
-
-
-def ledger_to_rows(ledger: Ledger) -> np.ndarray:
-    """Return a ledger as rows (6 + bodies, 6), for `ledger_from_rows`."""
-    return np.array([np.concatenate(part) for part in (*ledger[:3], *ledger[4:], *ledger.bodies.values())])
-
-
-def ledger_from_rows(rows: np.ndarray, bodies: Iterable[str]) -> Ledger:
-    """Return the ledger of these rows; bodies: their names, in its order."""
-    grains, gravity, walls, static, sleepers, residual, *rest = (_impulse(row) for row in rows)
-    return Ledger(grains, gravity, walls, dict(zip(bodies, rest, strict=True)), static, sleepers, residual)
-
-
-def empty_ledger(bodies: dict[str, int]) -> Ledger:
-    """Return the ledger of a step without any impulse."""
-    zero = Impulse(np.zeros(3), np.zeros(3))
-    return Ledger(zero, zero, zero, dict.fromkeys(bodies, zero), zero, zero, zero)
+def balance(sums: np.ndarray, bodies: dict[str, int]) -> Ledger:
+    """Return the ledger of sums (rows, 6), or of many steps' (..., rows, 6), whose impulses have as many rows then.
+    bodies: name -> collider's index."""
+    sources = {name: 1 + FIRST_COLLIDER_ROW + collider for name, collider in bodies.items()}
+    others = [row for row in range(1 + FIRST_COLLIDER_ROW, sums.shape[-2] - 1) if row not in sources.values()]
+    parts = [sums[..., 0, :], sums[..., 1 + GRAVITY_ROW, :], sums[..., 1 + WALL_ROW, :],
+             sums[..., others, :].sum(-2), sums[..., -1, :], sums[..., 0, :] - sums[..., 1:, :].sum(-2)]
+    grains, gravity, walls, static, sleepers, residual = (Impulse(part[..., :3], part[..., 3:]) for part in parts)
+    return Ledger(grains, gravity, walls, {name: Impulse(sums[..., row, :3], sums[..., row, 3:])
+                                           for name, row in sources.items()}, static, sleepers, residual)

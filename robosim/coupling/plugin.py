@@ -11,7 +11,7 @@ import numpy as np
 import mpm
 from robosim.base.errors import BodyLeftGrid, ConfigError, RobotDiverged, UnknownName
 from robosim.coupling.coupled_bodies import CoupledBodies, check_bodies
-from robosim.coupling.ledger import Impulse, Ledger, close_ledger, empty_ledger, ledger_from_rows, ledger_to_rows
+from robosim.coupling.ledger import Impulse, Ledger, balance, write_sums
 from robosim.coupling.reach import Reach
 from robosim.coupling.schemes import ExplicitScheme, MobilityScheme
 from robosim.coupling.trial_step import TrialStep
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["Coupling", "GranularPlugin", "Impulse", "Ledger"]
 
 Coupling = Literal["one_way", "lagged", "mobility"]
-BAD_STATES = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+BAD_STATES = {int(kind): kind.name for kind in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL,
+                                               mujoco.mjtWarning.mjWARN_BADQACC)}
 TOLERANCE = 0.1
 """Default share of a body's change of velocity by grains by which the prediction may be wrong."""
 MAX_REPEATS = 4
@@ -68,12 +69,14 @@ class GranularPlugin:
         mujoco.mj_kinematics(model, data)
         self._bodies = CoupledBodies(model, data, solver, bodies, is_mobile=coupling == "mobility")
         _plugins[id(data)] = self
+        self.colliders = self._bodies.colliders
+        """Name of each coupled body -> index of its collider in the solver."""
         self._trial = TrialStep(model, data, [self._bodies.ids[name] for name in self._bodies.dynamic])
         is_mobile = coupling == "mobility" and self._bodies.dynamic
         self._scheme = (MobilityScheme(self._trial, solver, self._bodies, tolerance) if is_mobile else
                         ExplicitScheme(self._trial, solver, self._bodies))
         self._reach = Reach(self._trial, solver, self._bodies, self._scheme.park)
-        self._has_jumped, self._last_time = True, float(data.time)
+        self._has_jumped, self._last_time, self._warned = True, float(data.time), data.warning.number
         self._wrenches = np.zeros((model.nbody, 6))
         """Wrenches of the grains in the last step, about the bodies' centres of mass: the next prediction's guess."""
         self.outside_grid: set[str] = set()
@@ -82,10 +85,15 @@ class GranularPlugin:
         """Number of repetitions of the last step."""
         self.is_missed = False
         """Whether the last step was accepted above the tolerance, because no repetition brought it below."""
-        self.ledger = empty_ledger(self._bodies.colliders)
-        """Momentum balance of the last step."""
+        self.sums = np.zeros((len(solver.ledger) + 2, 6))
+        """What the last step summed, see `robosim.coupling.ledger.write_sums`; the next one writes it anew."""
         self.counts: list[mpm.Counts] = []
         """Counts of the counter attached to the solver, if any, after the last step."""
+
+    @property
+    def ledger(self) -> Ledger:
+        """Momentum balance of the last step."""
+        return balance(self.sums.copy(), self.colliders)
 
     @property
     def prediction_error(self) -> np.ndarray:
@@ -119,7 +127,7 @@ class GranularPlugin:
             self._trial.finish()
         else:
             self._step_together()
-        self.ledger = close_ledger(self.solver, momentum, self._bodies.colliders)
+        write_sums(self.solver, momentum, self.sums)
         self._check_grid()
         self._check_state()
 
@@ -139,24 +147,22 @@ class GranularPlugin:
         """Forget the last step; call it after `mj_resetData` or `Solver.load`."""
         self._has_jumped, self._wrenches[:], self._scheme.error[:] = True, 0.0, 0.0
         self._reach.restart()
-        for bad in BAD_STATES:
-            self.data.warning[bad].number = 0
-        self.outside_grid, self.ledger = set(), empty_ledger(self._bodies.colliders)
+        self._warned[list(BAD_STATES)] = 0
+        self.outside_grid, self.sums[:] = set(), 0.0
 
     def state(self) -> dict[str, Any]:
         """Return what the next step depends on besides MuJoCo's integration state and `Solver.state`."""
         return {"wrenches": self._wrenches.copy(), "has_jumped": self._has_jumped, "last_time": self._last_time,
                 "error": self._scheme.error.copy(), "repeats": self.repeats, "reach": self._reach.state(),
-                "ledger": ledger_to_rows(self.ledger), "outside_grid": sorted(self.outside_grid),
+                "sums": self.sums.copy(), "outside_grid": sorted(self.outside_grid),
                 "counts": [copy.deepcopy(c._asdict()) for c in self.counts]}
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over what `state` returned; MuJoCo's and the solver's states are loaded before or afterwards."""
-        ledger = ledger_from_rows(state["ledger"], self._bodies.colliders)
         self.restart()
         self._wrenches[:], self._scheme.error[:] = state["wrenches"], state["error"]
         self._has_jumped, self._last_time = state["has_jumped"], state["last_time"]
-        self.repeats, self.ledger, self.outside_grid = state["repeats"], ledger, set(state["outside_grid"])
+        self.repeats, self.sums[:], self.outside_grid = state["repeats"], state["sums"], set(state["outside_grid"])
         self._reach.load(state["reach"])
         self.counts = [mpm.Counts(**copy.deepcopy(counts)) for counts in state["counts"]]
 
@@ -221,6 +227,6 @@ class GranularPlugin:
 
     def _check_state(self) -> None:
         """Raise RobotDiverged for a bad state; MuJoCo resets one and continues, and only counts a warning."""
-        bad = [w.name for w in BAD_STATES if self.data.warning[w].number > 0]
+        bad = [name for kind, name in BAD_STATES.items() if self._warned[kind] > 0]
         if bad:
             raise RobotDiverged(float(self.data.time), [f"MuJoCo reports {name}" for name in bad])

@@ -54,7 +54,7 @@ class Reach:
         if solver.counter is not None and any(solver.counter.index == self._bodies.colliders[name] for name in names):
             return False  # its readings are in the frame of a body
         self._travel += self._trial.model.opt.timestep * solver.readings.fastest
-        poses = np.array([np.concatenate(self._bodies.pose(name)) for name in names])
+        poses = self._bodies.dynamic_poses()
         if self._may_have_changed(poses):
             self._measure(poses)
         return self._is_apart
@@ -63,8 +63,7 @@ class Reach:
         """Whether bodies at poses (B, 7) may change the answer of the last measurement."""
         if not len(self._gaps):
             return True
-        chords = np.minimum(lengths(poses[:, 3:] - self._poses[:, 3:]), lengths(poses[:, 3:] + self._poses[:, 3:]))
-        angles = 4.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
+        angles = 2.0 * np.arccos(np.minimum(np.abs((poses[:, 3:] * self._poses[:, 3:]).sum(1)), 1.0))
         moved = lengths(poses[:, :3] - self._poses[:, :3]) + self._radii * angles + self._travel
         if self._is_apart:
             return bool(np.any(self._gaps - moved < self._needed + self._ahead()))

@@ -9,6 +9,8 @@ import numpy as np
 import mpm
 from robosim.scene.frames import body_pose
 
+LINEAR_FIRST = [3, 4, 5, 0, 1, 2]
+"""Columns of a velocity of MuJoCo's, which has the angular one first."""
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """All that a step depends on. A copy of the whole MjData would take longer than a trial."""
 
@@ -100,17 +102,14 @@ class TrialStep:
 
     def twists(self) -> np.ndarray:
         """Return the twists (B, 6) of the bodies, linear and angular, in world axes about their centres of mass."""
-        result, row = np.empty((len(self.bodies), 6)), np.empty(6)
-        for i, body in enumerate(self.bodies):
+        result = np.empty((len(self.bodies), 6))
+        for row, body in zip(result, self.bodies):
             mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, body, row, 0)
-            result[i, :3], result[i, 3:] = row[3:], row[:3]  # MuJoCo has angular velocities first
-        return result
+        return result[:, LINEAR_FIRST]
 
     def jacobian(self) -> np.ndarray:
         """Return the bodies' twists per joint velocity (6 B, nv), rows in the order of `twists`."""
-        rows = []
-        for body in self.bodies:
-            linear, angular = np.empty((3, self.model.nv)), np.empty((3, self.model.nv))
+        result = np.empty((len(self.bodies), 2, 3, self.model.nv))
+        for (linear, angular), body in zip(result, self.bodies):
             mujoco.mj_jacBodyCom(self.model, self.data, linear, angular, body)
-            rows += [linear, angular]
-        return np.concatenate(rows)
+        return result.reshape(-1, self.model.nv)

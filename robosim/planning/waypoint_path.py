@@ -191,7 +191,8 @@ class WaypointPath:
                     + (f", or give {b.name!r} `stop: true`" if b.after is not None else ""))
         tip = tool_shape(config.tool).tip
         for corner in self._corners:
-            if corner.before is None or corner.after is None or not is_in_container(corner.pose, config):
+            is_inside = is_in_container(corner.pose.position[None], config)[0]
+            if corner.before is None or corner.after is None or not is_inside:
                 continue
             if corner.cut(tip) > config.path.corner_tolerance:
                 raise ConfigError(
@@ -217,11 +218,11 @@ def check_duration(duration: float, host_dt: float, reason: str) -> None:
                           f"{reason}; accepted: up to {most:g} s in all")
 
 
-def is_in_container(pose: Pose, config: RehearsalConfig) -> bool:
-    """Test whether a tool's origin is in or just above a container's opening; pose: of the tool in the world."""
+def is_in_container(positions: np.ndarray, config: RehearsalConfig) -> np.ndarray:
+    """Test which positions (n, 3) [m] of a tool's origin are in or just above a container's opening (n,)."""
+    inside = np.zeros(len(positions), bool)
     for name, container in config.containers.items():
         low, high = container_shape(name, container).bounds
-        p = container.pose.inverse().apply(pose.position[None])[0]
-        if np.all((p < high + CONTAINER_MARGIN) & (p > low - [CONTAINER_MARGIN, CONTAINER_MARGIN, np.inf])):
-            return True
-    return False
+        p = container.pose.inverse().apply(positions)
+        inside |= np.all((p < high + CONTAINER_MARGIN) & (p > low - [CONTAINER_MARGIN, CONTAINER_MARGIN, np.inf]), 1)
+    return inside

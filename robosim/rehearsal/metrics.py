@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.spatial.transform import Rotation
 
-from mpm.geometry.rigid_motion import Pose
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import accepted_error
 from robosim.planning.learned_path import LearnedPath
@@ -218,29 +219,30 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
     Everywhere from the path as it is commanded, with its rounded corners; inside containers, beside that, from the
     waypoints' screws. Each is compared with the path about the same time. The latter figure is None where the tool was
     in no container."""
-    tip = tool_shape(run.config.tool).tip
-    times, reached = run.readings.stack_steps("time"), run.readings.stack_steps("reached")
-    commanded = np.array([find_points(Pose(row[:3], row[3:]), tip) for row in run.readings.stack_steps("commanded")])
-    worst, inside, window = 0.0, None, round(PATH_ERROR_WINDOW / run.config.host_dt)
+    tip, window = tool_shape(run.config.tool).tip, round(PATH_ERROR_WINDOW / run.config.host_dt)
+    times = run.readings.stack_steps("time")
+    commanded, reached = (find_points(run.readings.stack_steps(name), tip) for name in ("commanded", "reached"))
+    nearby = sliding_window_view(np.pad(commanded, ((window, window), (0, 0)), "edge"), 2 * window + 1, axis=0)
     first, end = (int(np.searchsorted(times, time)) for time in (run.held_from, run.held_until))
+    is_inside, worst, inside = is_in_container(reached[:, :3], run.config), 0.0, None
     for step in range(first, end, PATH_ERROR_STEPS):
-        pose = Pose(reached[step, :3], reached[step, 3:])
-        measured = find_points(pose, tip)
-        worst = max(worst, find_deviation(commanded[max(step - window, 0) : step + window + 1], measured))
-        if is_in_container(pose, run.config) and not run.driver.is_dosing_at(times[step]):
+        worst = max(worst, find_deviation(nearby[step], reached[step]))
+        if is_inside[step] and not run.driver.is_dosing_at(times[step]):
             screws = run.plan.path.sample_near(run.driver.motion_time(times[step]), tip)
-            inside = max(inside or 0.0, find_deviation(screws, measured))
+            inside = max(inside or 0.0, find_deviation(screws.T, reached[step]))
     return {"path_error_max_m": worst, "path_error_inside_max_m": inside}
 
 
-def find_points(pose: Pose, tip: np.ndarray) -> np.ndarray:
-    """Return the places (6,) [m] of a tool's origin and of a point `tip` (3,) of its frame."""
-    return np.concatenate([pose.position, pose.apply(tip[None])[0]])
+def find_points(poses: np.ndarray, tip: np.ndarray) -> np.ndarray:
+    """Return the places (n, 6) [m] of a tool's origin and of a point `tip` (3,) of its frame, at poses (n, 7)."""
+    rotations = Rotation.from_quat(poses[:, 3:], scalar_first=True)
+    return np.hstack([poses[:, :3], poses[:, :3] + rotations.apply(tip)])
 
 
 def find_deviation(path: np.ndarray, points: np.ndarray) -> float:
-    """Return the distance [m] of two points (6,) from the place (n, 6) of a path where the farther one is closest."""
-    return float(np.linalg.norm((path - points).reshape(-1, 2, 3), axis=2).max(1).min())
+    """Return the distance [m] of two points (6,) from the place (6, n) of a path where the farther one is closest."""
+    squares = (path - points[:, None]) ** 2
+    return float(np.sqrt(np.maximum(squares[:3].sum(0), squares[3:].sum(0)).min()))
 
 
 def compute_wrist_load(run: RehearsalRun) -> float | None:

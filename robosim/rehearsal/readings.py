@@ -1,6 +1,6 @@
 """The readings of a rehearsal, step by step."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,13 +9,13 @@ import numpy as np
 WRENCH = ["fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm"]
 POSE = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 WRITTEN = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque", "wrist", "commanded", "reached")
-"""The fields of `Step` in these columns."""
+"""The fields of `Steps` in these columns."""
 
 
-class Step(NamedTuple):
-    """Readings of one host step, at its end unless stated. Vectors of the arm are (n,)."""
+class Steps(NamedTuple):
+    """Readings of host steps, each at its end unless stated, (steps,) or (steps, k). Vectors of the arm have k = n."""
 
-    time: float
+    time: np.ndarray
     """[s]"""
     q: np.ndarray
     """Joint angles [rad]."""
@@ -32,20 +32,20 @@ class Step(NamedTuple):
     external_torque: np.ndarray
     """External torques [N m] that the controller estimates from them."""
     commanded: np.ndarray
-    """Commanded world pose of the tool (7,): position [m], quaternion."""
+    """Commanded world poses of the tool, k = 7: position [m], quaternion."""
     reached: np.ndarray
-    """World pose of the tool (7,)."""
+    """World poses of the tool, k = 7."""
     wrist: np.ndarray
-    """Force [N] and torque [N m] (6,) of the arm on the hand at the flange, in world axes, at the step's start."""
+    """Force [N] and torque [N m], k = 6, of the arm on the hand at the flange, in world axes, at the step's start."""
     residual: np.ndarray
-    """Change of the grains' momentum (6,) [N s], [N m s] that no impulse accounts for."""
+    """Change of the grains' momentum, k = 6, [N s], [N m s] that no impulse accounts for."""
     exchanged: np.ndarray
-    """Sum of the magnitudes of all impulses (2,): linear [N s], angular [N m s]."""
+    """Sum of the magnitudes of all impulses, k = 2: linear [N s], angular [N m s]."""
     tool_force: np.ndarray
-    """Mean force [N] (3,) of the grains on the tool during the step, in world axes."""
-    tool_work: float
+    """Mean force [N] of the grains on the tool during the step, k = 3, in world axes."""
+    tool_work: np.ndarray
     """Work [J] of the tool on the grains."""
-    is_missed: bool = False
+    is_missed: np.ndarray
     """Whether robot and grains agree less than the coupling's tolerance asks for."""
 
 
@@ -82,17 +82,25 @@ def name_columns(joints: Sequence[str], slides: Collection[str] = ()) -> list[st
 
 
 class Readings:
-    """All readings of a run of an arm with these joints."""
+    """All readings of a run of an arm with these joints; compute: gives those of the steps since its last call."""
 
-    def __init__(self, joints: Sequence[str], slides: Collection[str] = ()) -> None:
-        self.joints, self.slides = tuple(joints), tuple(slides)
-        self.steps: list[Step] = []
+    def __init__(self, joints: Sequence[str], slides: Collection[str], compute: Callable[[], Steps]) -> None:
+        self.joints, self.slides, self._compute = tuple(joints), tuple(slides), compute
+        self._parts: list[Steps] = []
         self.grains: list[GrainSample] = []
         self.energies: list[EnergySample] = []
 
+    def collect(self) -> Steps:
+        """Compute the readings of the steps since the last call, and return them."""
+        new = self._compute()
+        if len(new.time):
+            self._parts.append(new)
+        return new
+
     def stack_steps(self, name: str) -> np.ndarray:
-        """Stack the values of one field of `Step` over all steps (n, ...)."""
-        return np.array([getattr(step, name) for step in self.steps])
+        """Stack the values of one field of `Steps` over all steps (n, ...)."""
+        empty = self.collect()
+        return np.concatenate([getattr(part, name) for part in self._parts or [empty]])
 
     def stack_grains(self, name: str) -> np.ndarray:
         """Stack the values of one field of `GrainSample` over all samples (m,)."""
@@ -110,7 +118,7 @@ class Readings:
 
     def write_csv(self, path: Path) -> None:
         """Write trajectory.csv: one row a step, nine digits."""
-        values = {name: self.stack_steps(name).reshape(len(self.steps), -1) for name in WRITTEN}
+        values = {name: np.column_stack([self.stack_steps(name)]) for name in WRITTEN}
         align_signs(values["commanded"], values["reached"])
         rows = np.column_stack(list(values.values()))
         header = ",".join(name_columns(self.joints, self.slides))

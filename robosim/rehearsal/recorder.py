@@ -1,6 +1,5 @@
 """The recording of a rehearsal: what the viewer plays, and its page shows."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from robosim.recordings.frames import GrainState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, find_placed, floats, region_entry
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.mass_balance import GRAVITY
-from robosim.rehearsal.readings import Step
+from robosim.rehearsal.readings import Steps
 from robosim.rehearsal.run import DOSE, RehearsalRun
 from robosim.scene.grains import container_region, grain_volume_of, is_in_tool
 from robosim.shapes import tool_shape
@@ -84,20 +83,18 @@ class RunReadings:
     def __init__(self, run: RehearsalRun) -> None:
         self._run, self._regions = run, counting_regions(run.config)
         self._limits = run.plan.arm.velocity, run.plan.arm.torque_limits
-        self._grain_masses, self._seen = run.solver.masses(), 0
-        """Steps that earlier values were computed from: forces are means since then."""
+        self._grain_masses, self._new = run.solver.masses(), run.readings.collect()
+        """Steps since the values before: forces are means over them."""
 
     def __call__(self, grains: GrainState) -> list[float]:
         """Return the values (curves,)."""
-        steps = self._run.readings.steps
-        new, step = steps[self._seen :] or steps[-1:], steps[-1]
-        self._seen = len(steps)
+        steps = self._run.readings.collect()
+        new = self._new = steps if len(steps.time) else self._new
         speeds, torques = self._limits
-        return [*self._masses(grains.positions), *np.mean([s.tool_force for s in new], axis=0), *self._wrist(new),
-                1e3 * float(np.linalg.norm(step.commanded[:3] - step.reached[:3])),
-                100.0 * float(max(np.abs(s.torque / torques).max() for s in new)),
-                100.0 * float(max(np.abs(s.qd / speeds).max() for s in new)), 100.0 * float(grains.awake.mean()),
-                *self._dose()]
+        return [*self._masses(grains.positions), *new.tool_force.mean(axis=0), *self._wrist(new),
+                1e3 * float(np.linalg.norm(new.commanded[-1, :3] - new.reached[-1, :3])),
+                100.0 * float(np.abs(new.torque / torques).max()), 100.0 * float(np.abs(new.qd / speeds).max()),
+                100.0 * float(grains.awake.mean()), *self._dose()]
 
     def _dose(self) -> list[float]:
         """Masses [g] in the cup, on the balance's display, and wanted, as of its last reading; empty without a dose."""
@@ -116,10 +113,11 @@ class RunReadings:
         pose, masses = run.cell.tool_pose(), self._grain_masses
         held = masses[is_in_tool(config.tool, positions, pose)].sum()
         outside = masses[~find_placed(self._regions, {config.tool_name: pose}, positions)].sum()
-        return (np.nan if is_in_container(pose, config) else 1e3 * float(held)), 1e3 * float(outside)
+        is_digging = is_in_container(pose.position[None], config)[0]
+        return (np.nan if is_digging else 1e3 * float(held)), 1e3 * float(outside)
 
-    def _wrist(self, steps: Sequence[Step]) -> np.ndarray:
+    def _wrist(self, steps: Steps) -> np.ndarray:
         """Force (3,) [N] at the wrist, world axes, without the weight of hand and tool."""
-        force = np.mean([step.wrist[:3] for step in steps], axis=0)
+        force = steps.wrist[:, :3].mean(axis=0)
         weight = GRAVITY * self._run.cell.scene.wrist_mass()
         return force - [0.0, 0.0, np.copysign(weight, force[2])]

@@ -17,9 +17,9 @@ from robosim.planning.picking import SETTLING
 from robosim.planning.plan import Plan
 from robosim.rehearsal.comparison import WrenchComparison, compare_wrench
 from robosim.rehearsal.dosing_driver import DosingDriver
-from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
+from robosim.rehearsal.readings import EnergySample, GrainSample, Readings
 from robosim.rehearsal.recorded_motion import RecordedMotion
-from robosim.robot.joint_control import TorqueSensors
+from robosim.rehearsal.step_record import CAPACITY, StepRecord
 from robosim.robot.model import Arm
 from robosim.robot.model_errors import ModelErrors
 from robosim.robot.timing import JointState
@@ -32,7 +32,7 @@ from robosim.scene.grasp import CLOSING_SHARE
 
 GRAIN_SAMPLE_INTERVAL = 10
 """Steps between readings that need all grains' positions."""
-ENERGY_SAMPLE_INTERVAL = 100
+ENERGY_SAMPLE_INTERVAL = 200
 """Steps between readings of the grains' energies."""
 SERVO_INTERVAL = 20
 """Steps between checks of the servo, of as many steps each."""
@@ -64,7 +64,6 @@ class RehearsalRun:
         self.material: MaterialConfig = material or load_material(config.material)
         self.cell = make_cell(config, plan.arm, (motion := self.plan.motion).state(-config.grasp_time).q, errors)
         self.cell.check_path(motion.state(time).q for time in np.linspace(0.0, motion.duration, PATH_POSTURES))
-        self.sensors = TorqueSensors(self.cell.model, self.cell.data, plan.arm)
         self.surface = monitor_containers(config)
         """The containers' surfaces, against which the tool is tested; None where they are not monitored."""
         self.solver = build_field(config, self.material.make_law(), self.cell.tool_pose(), FieldOptions(seed))
@@ -72,7 +71,10 @@ class RehearsalRun:
         self._grain_mass = float(self.solver.masses()[0])
         self.driver: MotionDriver = self._make_driver(driver)
         """What commands the joints."""
-        self.readings = Readings(plan.arm.joints, plan.arm.assembly.robot.slides)
+        self._record = StepRecord(self.cell, plan.arm, self.plan.motion)
+        self.readings = Readings(plan.arm.joints, plan.arm.assembly.robot.slides, self._record.compute)
+        self._speeds = np.zeros((SERVO_INTERVAL, len(plan.arm.joints)))
+        self._last_read: dict[str, tuple[int, tuple]] = {}  # what -> launches of the solver until then, and values
         self.wall_time = 0.0
         """Time [s] that the steps took: field, coupling and robot."""
         self.timings: dict[str, float] = {}
@@ -170,64 +172,60 @@ class RehearsalRun:
         1. Ask the driver for the joints' command; command the fingers.
         2. Step the cell: robot and grains together.
         3. Record the step; every few steps the grains too."""
-        cell, target = self.cell, self.driver.command(self.time)
-        self._command_fingers()
-        q, qd, velocity = cell.q.copy(), cell.qd.copy(), cell.tool_velocity()
-        torque = cell.step(target, self.held_from <= self.time + self.config.host_dt < self.held_until)
+        cell, record, time = self.cell, self._record, self.time
+        target = self.driver.command(time)
+        self._command_fingers(time)
+        if record.count == CAPACITY:
+            self.readings.collect()
+        record.begin()
+        torque = cell.step(target, self.held_from <= time + self.config.host_dt < self.held_until)
         if self.surface is not None:
             self.surface.record_penetrations(cell.tool_pose())
-        self.readings.steps.append(self._read_step(target, torque, q, qd, velocity))
+        time, is_free = self.time, self.driver.is_open_ended or self.driver.is_own
+        record.end(target, np.nan if is_free else self.driver.motion_time(time), torque)
+        self._speeds[index % SERVO_INTERVAL] = cell.qd
         if index % SERVO_INTERVAL == SERVO_INTERVAL - 1:
-            cell.servo.check_motion(self.time, np.array([step.qd for step in self.readings.steps[-SERVO_INTERVAL:]]))
+            cell.servo.check_motion(time, self._speeds)
         self._record_grains(index)
 
     def save_last_good_state(self, path: Path) -> None:
         """Write the last stored grains, joint positions and velocities whose numbers were finite."""
         np.savez_compressed(path, **self._last_good_state)  # pyright: ignore[reportArgumentType]
 
-    def _command_fingers(self) -> None:
+    def _command_fingers(self, time: float) -> None:
         """Close the fingers, release the tool to them when they have closed, or open them."""
-        grasp, closing, share = self.cell.grasp, self.time - self.grasp_begin, CLOSING_SHARE * self.config.grasp_time
-        if self.time >= self.held_until:
-            grasp.open(min((self.time - self.held_until) / share, 1.0))
+        grasp, closing, share = self.cell.grasp, time - self.grasp_begin, CLOSING_SHARE * self.config.grasp_time
+        if time >= self.held_until:
+            grasp.open(min((time - self.held_until) / share, 1.0))
         elif 0.0 <= closing < self.config.grasp_time:
             grasp.close(min(closing / share, 1.0))
         elif closing >= self.config.grasp_time:
             grasp.release()
 
-    def _read_step(self, target: JointState, torque: np.ndarray, q_begin: np.ndarray, qd_begin: np.ndarray,
-                   velocity_begin: np.ndarray) -> Step:
-        """Readings of the step that has just ended; arguments ending in _begin are from its start."""
-        cell, driver, plan = self.cell, self.driver, self.plan
-        data, ledger = cell.data, cell.plugin.ledger
-        wrench = cell.plugin.wrench(self.config.tool_name)
-        planned = plan.motion.state(driver.motion_time(self.time))
-        commanded = plan.arm.tool_pose((target if driver.is_open_ended or driver.is_own else planned).q)
-        q, qd = cell.q.copy(), cell.qd.copy()
-        mean_velocity = 0.5 * (velocity_begin + cell.tool_velocity())
-        power = wrench.force @ mean_velocity[3:] + wrench.torque @ mean_velocity[:3]
-        # sensor values belong to the step's start, as MuJoCo's accelerations do
-        external = self.sensors.estimate_external(q_begin, qd_begin, data.qacc[cell.scene.arm_dofs])
-        return Step(
-            time=self.time, q=q, qd=qd, qdd=(qd - qd_begin) / self.config.host_dt, torque=torque,
-            demanded_torque=cell.servo.demanded_torque, sensed_torque=self.sensors.read(), external_torque=external,
-            commanded=np.concatenate(commanded), reached=np.concatenate(cell.tool_pose()), wrist=cell.wrist_wrench(),
-            residual=np.concatenate(ledger.residual), exchanged=ledger.exchanged,
-            tool_force=wrench.force, tool_work=float(-power) * self.config.host_dt, is_missed=cell.plugin.is_missed)
-
     def _record_grains(self, index: int) -> None:
         """Record what needs all grains, where the step's index is a multiple of its interval."""
         if index % GRAIN_SAMPLE_INTERVAL == 0:
-            positions = self.solver.positions()
+            positions, lost, awake = self._read_once(self._read_grains)
             mass = self._grain_mass * int(self.is_held(positions).sum())
-            lost = int(is_at_border(positions, self.solver.grid).sum())
-            self.readings.grains.append(GrainSample(self.time, mass, lost, float(self.solver.awake.mean())))
+            self.readings.grains.append(GrainSample(self.time, mass, lost, awake))
         if self.scooped is None and self.time >= self._weighing_end:
             self.scooped = self.is_held(self.solver.positions())
         if index % ENERGY_SAMPLE_INTERVAL == 0:
-            self.readings.energies.append(EnergySample(self.time, *self.solver.energy()))
+            self.readings.energies.append(EnergySample(self.time, *self._read_once(self.solver.energy)))
         if index % STATE_INTERVAL == 0:
             self._store_state()
+
+    def _read_once(self, read: Callable[[], tuple]) -> tuple:
+        """Return what a function reads of the grains; it is called again only once the solver has moved them."""
+        launches, values = self._last_read.get(read.__name__, (-1, ()))
+        if launches != self.solver.loop.launches:
+            launches, values = self._last_read[read.__name__] = self.solver.loop.launches, read()
+        return values
+
+    def _read_grains(self) -> tuple[np.ndarray, int, float]:
+        """Read positions [m] (n, 3), how many grains are lost, and the share that is awake."""
+        positions = self.solver.positions()
+        return positions, int(is_at_border(positions, self.solver.grid).sum()), float(self.solver.awake.mean())
 
     def _store_state(self) -> None:
         data = self.cell.data

@@ -150,7 +150,7 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
         folder.write_yaml("material.yaml", material.model_dump(mode="json"))
         with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
             run = _prepare(config, options, log)
-            stack.callback(lambda: run.readings.steps and folder.write("trajectory.csv", run.readings.write_csv))
+            stack.callback(lambda: run.time > 0.0 and folder.write("trajectory.csv", run.readings.write_csv))
             recorder = make_recorder(run, folder.path / RECORDING, options.frame_rate)
             stack.callback(finish_recording, run, recorder)
             try:

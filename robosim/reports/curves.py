@@ -1,7 +1,7 @@
 """Curves over time, one above the other on one axis of time, with marks and accepted ranges."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from plotly.graph_objects import Scatter
@@ -55,16 +55,21 @@ def draw_charts(charts: Sequence[Chart], marks: dict[str, float], x: str = "time
                            col=1)
         if chart.is_logarithmic:
             figure.update_yaxes(type="log", exponentformat="power", row=row, col=1)
-    for name, time in marks.items():  # through all charts
-        figure.add_vline(time, line={"color": "rgba(0,0,0,0.18)", "width": 1})  # pyright: ignore[reportArgumentType]
-        figure.add_annotation(x=time, y=1.0, xref="x", yref="paper", text=name, textangle=-60, showarrow=False,
-                              xanchor="left", yanchor="bottom", yshift=18, font={"size": 10, "color": "#555"})
+    layout: Any = figure.layout
+    lines = [{"type": "line", "x0": time, "x1": time, "xref": f"x{row}", "y0": 0, "y1": 1, "yref": f"y{row} domain",
+              "line": {"color": "rgba(0,0,0,0.18)", "width": 1}}
+             for time in marks.values() for row in ["", *range(2, len(charts) + 1)]]
+    names = [{"x": time, "y": 1.0, "xref": "x", "yref": "paper", "text": name, "textangle": -60, "showarrow": False,
+              "xanchor": "left", "yanchor": "bottom", "yshift": 18, "font": {"size": 10, "color": "#555"}}
+             for name, time in marks.items()]
+    # all at once: for each one that is added plotly makes all others anew
+    figure.update_layout(shapes=[*layout.shapes, *lines], annotations=[*layout.annotations, *names])
     figure.update_xaxes(title_text=x, row=len(charts), col=1)
     top, bottom = (MARKED_TOP if marks else TOP), 40
     figure.update_layout({**LAYOUT, "height": top + bottom + ROW_HEIGHT * len(charts), "hovermode": "x unified",
                           "margin": {"l": 60, "r": 20, "t": top, "b": bottom}, "showlegend": True})
     for row in range(1, len(charts) + 1):  # beside its chart
-        end = figure.to_dict()["layout"][f"yaxis{row if row > 1 else ''}"]["domain"][1]
+        end = layout[f"yaxis{row}"].domain[1]
         figure.update_layout({legend_name(row): {"x": 1.01, "xanchor": "left", "y": end, "yanchor": "top",
                                                  "font": {"size": 11}, "tracegroupgap": 2}})
     return to_html(figure)

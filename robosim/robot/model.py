@@ -68,6 +68,8 @@ class Arm:
         self.velocity, self.torque_limits = robot.velocity, robot.torque
         """[rad/s], [N m] (n,)"""
         self.neutral = pinocchio.neutral(self.model)
+        self._whole, self._speed, self._rate = self.neutral.copy(), np.zeros(self.model.nv), np.zeros(self.model.nv)
+        """Of all joints, for what is computed many times a step."""
         self._friction = self.model.upperDryFrictionLimit[self.v_index]
         self._damping = self.model.damping[self.v_index]
         dofs = [compiled.joint(name).dofadr[0] for name in robot.joints]
@@ -106,7 +108,8 @@ class Arm:
 
     def tool_placement(self, q: np.ndarray) -> pinocchio.SE3:
         """Return the world pose of the tool's frame, without a copy: the next call overwrites it."""
-        pinocchio.forwardKinematics(self.model, self.data, self.full_configuration(q))
+        self._whole[self.q_index] = q
+        pinocchio.forwardKinematics(self.model, self.data, self._whole)
         return pinocchio.updateFramePlacement(self.model, self.data, self.frame)
 
     def tool_pose(self, q: np.ndarray) -> Pose:
@@ -156,9 +159,8 @@ class Arm:
         return self._rnea(q, qd, qdd) + self._damping * (qd + dt * qdd) + self._friction * np.tanh(qd / self._creep)
 
     def _rnea(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)
-        v[self.v_index], a[self.v_index] = qd, qdd
-        return pinocchio.rnea(self.model, self.data, self.full_configuration(q), v, a)[self.v_index]
+        self._whole[self.q_index], self._speed[self.v_index], self._rate[self.v_index] = q, qd, qdd
+        return pinocchio.rnea(self.model, self.data, self._whole, self._speed, self._rate)[self.v_index]
 
 
 def _format(values: np.ndarray) -> str:

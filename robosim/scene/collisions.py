@@ -15,14 +15,21 @@ class ContactCounter:
     """
 
     def __init__(self, scene: Scene, data: mujoco.MjData, containers: Collection[str]) -> None:
-        self._model, self._data = scene.model, data
-        bodies = np.arange(scene.model.nbody)
-        is_own = np.isin(bodies, scene.robot_bodies())
-        self._is_tool = bodies == scene.tool
-        self._is_arm = is_own & ~np.isin(bodies, body_ids_below(scene.model, scene.wrist))
-        self._is_robot = is_own & (scene.model.body_weldid > 0)
-        self._is_container = np.array([scene.model.body(int(b)).name in containers for b in bodies])
-        self._is_other = ~is_own & ~self._is_container
+        self._data, self._bodies, bodies = data, scene.model.geom_bodyid, np.arange(scene.model.nbody)
+        is_tool, is_own = bodies == scene.tool, np.isin(bodies, scene.robot_bodies())
+        is_arm = is_own & ~np.isin(bodies, body_ids_below(scene.model, scene.wrist))
+        is_robot = is_own & (scene.model.body_weldid > 0)
+        is_container = np.array([scene.model.body(int(b)).name in containers for b in bodies])
+        sums = np.zeros((2, len(bodies), len(bodies), 3), int)
+        """What a contact of two bodies adds to the three sums, where the tool stands by itself, and where it is held.
+        """
+        for is_held, table in enumerate(sums):
+            others = np.outer(is_robot & (is_held | ~is_tool), ~is_own & ~is_container)
+            table[..., 0] = np.outer(is_tool, is_container)
+            table[..., 1] = np.outer(is_robot & ~is_tool, is_container) | others
+            table[..., 2] = np.outer(is_robot & ~is_arm, is_arm)
+        self._sums = sums + sums.swapaxes(1, 2)
+        self._sums[..., 2] += np.outer(is_arm, is_arm)
         self.restart()
 
     def restart(self) -> None:
@@ -45,13 +52,9 @@ class ContactCounter:
 
     def count(self, is_held: bool = True) -> None:
         """Add the contacts of the present step; is_held: whether the hand holds the tool, or it stands by itself."""
-        bodies = self._model.geom_bodyid[self._data.contact.geom]
-        pairs = np.concatenate([bodies, bodies[:, ::-1]])
-        first, second = pairs.T
-        robot, container = self._is_robot[first], self._is_container[second]
-        self.tool_container_contacts += int(np.sum(self._is_tool[first] & container))
-        on_others = self._is_other[second] & (is_held | ~self._is_tool[first])
-        self.robot_surroundings_contacts += int(np.sum(robot & (~self._is_tool[first] & container | on_others)))
-        between_links = self._is_arm[bodies].all(1)
-        of_hand = self._is_robot[first] & ~self._is_arm[first] & self._is_arm[second]
-        self.robot_self_contacts += int(between_links.sum() + of_hand.sum())
+        if self._data.ncon:
+            first, second = self._bodies[self._data.contact.geom.T]
+            sums = self._sums[int(is_held), first, second].sum(0).tolist()
+            self.tool_container_contacts += sums[0]
+            self.robot_surroundings_contacts += sums[1]
+            self.robot_self_contacts += sums[2]

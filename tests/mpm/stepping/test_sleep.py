@@ -77,6 +77,20 @@ def test_a_bed_at_rest_falls_asleep_and_touches_no_node(sleeping: mpm.Solver) ->
     assert not sleeping.velocities().any() and not np.any(sleeping.ledger)
 
 
+def test_a_bed_that_sleeps_is_not_launched_until_something_is_set(sleeping: mpm.Solver) -> None:
+    sleeping.advance(0.02)
+    before, launches, steps = sleeping.state(), sleeping.loop.launches, sleeping.steps
+    sleeping.advance(0.02)
+    assert sleeping.loop.launches == launches and sleeping.time == pytest.approx(before["time"] + 0.02)
+    assert sleeping.steps - steps == np.ceil(0.02 / sleeping.dt) and not np.any(sleeping.ledger)
+    for change in (lambda: sleeping.set_gravity(np.array([0.1, 0.0, -9.81])), lambda: lower(sleeping, 1e-3, 1e-3)):
+        change()
+        sleeping.advance(1e-3)
+        assert sleeping.loop.launches > launches and sleeping.awake.any()
+        launches = sleeping.loop.launches
+    sleeping.set_gravity(np.array([0.0, 0.0, -9.81]))
+
+
 def test_sleepers_give_the_nodes_their_mass_and_no_force_in_sum(sleeping: mpm.Solver) -> None:
     sleeping.advance(0.002)
     sums = sleeping.fields.sleepers.sums.to_numpy().astype(float).reshape(-1, 4)

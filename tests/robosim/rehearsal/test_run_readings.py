@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.mass_balance import compute_fractions
-from robosim.rehearsal.readings import Readings, Step, make_continuous, name_columns
+from robosim.rehearsal.readings import Readings, Steps, make_continuous, name_columns
 from robosim.scene.grains import is_in_tool
 from robosim.shapes import tool_shape
 
@@ -37,11 +37,10 @@ def test_signs_do_not_jump_and_rotations_stay() -> None:
 def test_the_file_has_one_sign_for_commanded_and_reached(tmp_path: Path) -> None:
     """Both come from different converters, so each row may have opposite signs for one rotation."""
     rng, quaternions = np.random.default_rng(0), make_turn(50)
-    readings, zero = Readings([f"A{k}" for k in range(1, 8)]), np.zeros(7)
-    for k, quaternion in enumerate(quaternions):
-        commanded, reached = (np.concatenate([[0.1, 0.2, 0.3], sign * quaternion]) for sign in rng.choice([-1, 1], 2))
-        readings.steps.append(Step(1e-3 * k, zero, zero, zero, zero, zero, zero, zero, commanded, reached, zero[:6],
-                                    zero[:6], zero[:2], zero[:3], 0.0))
+    poses = [np.column_stack([np.full((50, 3), 0.1), rng.choice([-1, 1], (50, 1)) * quaternions]) for _ in range(2)]
+    none = np.zeros((0, 7))
+    steps = iter([Steps(np.arange(50) * 1e-3, *[np.zeros((50, 7))] * 7, *poses, *[np.zeros((50, 6))] * 6)])
+    readings = Readings([f"A{k}" for k in range(1, 8)], (), lambda: next(steps, Steps(*[none] * 16)))
     readings.write_csv(tmp_path / "trajectory.csv")
     rows = np.loadtxt(tmp_path / "trajectory.csv", delimiter=",", skiprows=1)
     first = {name: name_columns(readings.joints).index(f"{name}_qw") for name in ("commanded", "reached")}
