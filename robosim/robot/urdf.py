@@ -27,8 +27,10 @@ def parse_model(path: Path) -> ET.Element:
     except Exception as error:  # expressions of the file are executed
         raise ConfigError(f"{path}: xacro: {' '.join(str(error).split())}; accepted: the URDF that `xacro {path.name}` "
                           f"prints, or a xacro file after `pip install xacro`") from None
+    declared = "".join(f' xmlns:{name}="{name}"' for name in set(re.findall(r"[<\s]([a-zA-Z_]\w*):\w", text))
+                       if name not in ("xml", "xmlns") and f"xmlns:{name}=" not in text)  # ROS asks for none
     try:
-        return ET.fromstring(text.lstrip())
+        return ET.fromstring(re.sub("<robot(?=[\\s>])", f"<robot{declared}", text.lstrip(), count=1))
     except ET.ParseError as error:
         if path.suffix.lower() != ".urdf" and "<robot" not in text:
             return ET.Element("mujoco")
