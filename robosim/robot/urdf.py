@@ -94,7 +94,7 @@ def locate_mesh(address: str, folder: Path, packages: Mapping[str, str], path: P
     for place in places:
         if os.path.isfile(place):  # False for a name that is too long
             return place.resolve()
-    raise ConfigError(f"{path}: mesh {address}: not found" + "".join(f", not as {place}" for place in places) +
+    raise ConfigError(f"{path}: mesh {address}: " + ", not as ".join(["not found", *dict.fromkeys(map(str, places))]) +
                       "; accepted: a path, file://PATH, or package://NAME/PATH with a folder NAME beside or above the "
                       "URDF, in ROS_PACKAGE_PATH or AMENT_PREFIX_PATH, or of the key packages: {NAME: FOLDER} of a "
                       ".yaml file")
