@@ -6,6 +6,7 @@ docs/developer/testing.md says how to get), report, stability, bench, bench_fiel
 """
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -143,8 +144,8 @@ def foreign_arms(out: Path) -> dict[str, Any]:
         try:
             Rehearsal("spoon", robot=robot, gripper="none")
         except ConfigError as error:
-            place = robot["model"].removesuffix(arm["model"])
-            refused.append([arm["arm"], arm["package"], str(error).replace(place, "").partition("; accepted")[0]])
+            line = re.sub(r"\S*/", "", str(error).partition("; accepted")[0])  # names of files without their folders
+            refused.append([arm["arm"], arm["package"], line])
             continue
         command(["rehearse", "spoon", "--no-video", "--set", f"robot={out / name}.yaml", "--set", "gripper=none"],
                 out / name)
