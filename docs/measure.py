@@ -1,11 +1,12 @@
 """Run the commands whose results the pages quote, and store these in docs/results/data: `python docs/measure.py NAME`.
 
 Names: rehearsal_spoon (and the pictures of it), gallery (a still of each of the other rehearsals), arms (three
-rehearsals with every arm, with its hand and without), report, stability,
-bench, bench_field. Without a name: all.
+rehearsals with every arm, with its hand and without), foreign_arms (the spoon with arms of other packages, which
+docs/developer/testing.md says how to get), report, stability, bench, bench_field. Without a name: all.
 """
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -15,8 +16,10 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent), str(HERE)]
+sys.path[:0] = [str(HERE.parent), str(HERE), str(HERE.parent / "tests")]
 
+from foreign_arms import ARMS as FOREIGN  # noqa: E402
+from foreign_arms import find_arm  # noqa: E402
 from generators.results.measured import DATA  # noqa: E402
 
 from robosim.base.digests import code_digest  # noqa: E402
@@ -119,6 +122,42 @@ def arms(out: Path) -> dict[str, Any]:
             "head": ["arm", "gripper", "rehearsal", "bounds held", *FIGURES], "rows": rows}
 
 
+FOREIGN_FIGURES = {key: FIGURES.get(key, "{:.1f}") for key in (
+    "tool_tracking_error_max_m", "delivered_fraction", "spilled_fraction", "torque_limit_ratio_max",
+    "velocity_limit_ratio_max", "motion_time_scale", "plan_time_s")}
+
+
+def foreign_arms(out: Path) -> dict[str, Any]:
+    """The spoon's rehearsal with each arm of tests/foreign_arms.yaml whose package is there; the lines of refusals."""
+    import yaml
+
+    from robosim import Rehearsal
+    from robosim.base.errors import ConfigError
+
+    rows, refused = [], []
+    for name, arm in FOREIGN.items():
+        robot = find_arm(name)
+        if robot is None:
+            print(f"{name}: {arm['package']} is not there")
+            continue
+        (out / f"{name}.yaml").write_text(yaml.safe_dump(robot))
+        try:
+            Rehearsal("spoon", robot=robot, gripper="none")
+        except ConfigError as error:
+            line = re.sub(r"\S*/", "", str(error).partition("; accepted")[0])  # names of files without their folders
+            refused.append([arm["arm"], arm["package"], line])
+            continue
+        command(["rehearse", "spoon", "--no-video", "--set", f"robot={out / name}.yaml", "--set", "gripper=none"],
+                out / name)
+        figures = json.loads((out / name / "report.json").read_text())
+        rows.append([arm["arm"], arm["package"], "; ".join(figures["missed"]) or "all",
+                     *(form.format(figures[key]) for key, form in FOREIGN_FIGURES.items())])
+    words = ["rehearse", "spoon", "--no-video", "--set", "robot=ARM.yaml", "--set", "gripper=none"]
+    return {"made_by": made_by(words), "code": code_digest("robosim.commands.runs.rehearse"),
+            "head": ["arm", "package", "bounds held", *FOREIGN_FIGURES], "rows": rows,
+            "refused_head": ["arm", "package", "refused"], "refused": refused}
+
+
 def picture_of_arms() -> None:
     """Draw every arm with its hand while it digs, and without while it pours."""
     import mujoco
@@ -195,7 +234,8 @@ def bench_field(out: Path) -> dict[str, Any]:
 
 TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "rehearsal_spoon": rehearsal_spoon, "report": report, "stability": stability, "bench": bench,
-    "bench_field": bench_field, "gallery": gallery, "arms": arms}
+    "bench_field": bench_field, "gallery": gallery, "arms": arms,
+    "foreign_arms": foreign_arms}
 
 
 def main(names: list[str]) -> None:

@@ -18,6 +18,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "stability.md": verification.stability_page,
     "performance.md": performance.page,
     "arms.md": arms.page,
+    "foreign_arms.md": arms.foreign_page,
     "learning_scores.md": learning.scores_page,
     "learning_changes.md": learning.changes_page,
     "learning_changes.svg": learning.changes_figure,

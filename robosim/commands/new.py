@@ -21,7 +21,7 @@ USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "mate
         "arm": "robosim rehearse spoon --set robot={}"}
 """Kind of file -> what takes it."""
 MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
-FLANGES = ("tool0", "flange", "attachment_site", "ee_link", "tcp")
+FLANGES = ("tool0", "flange", "attachment_site", "ee_link", "tcp", "link_eef", "panda_link8", "fr3_link8", "right_hand")
 """Usual names of the place where a hand is mounted, the most usual first."""
 
 

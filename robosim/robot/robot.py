@@ -163,9 +163,8 @@ def exclude_contacts(spec: mujoco.MjSpec, bodies: list[Any], names: tuple[str, .
     data.qpos[[model.joint(name).qposadr[0] for name in names]] = home
     mujoco.mj_forward(model, data)
     bodies_of = [[model.body(int(model.geom_bodyid[geom])).name for geom in contact.geom] for contact in data.contact]
-    pairs = {tuple(sorted(names)) for names in bodies_of}
-    own = {body.name for body in spec.bodies}
-    touching = tuple(sorted(pair for pair in pairs if set(pair) <= own - {"world"}))
+    own = {body.name for body in spec.bodies} - {"world"}
+    touching = tuple(sorted({tuple(sorted(pair)) for pair in bodies_of if set(pair) <= own}))
     for first, second in touching:
         spec.add_exclude(bodyname1=first, bodyname2=second)
     return touching
@@ -247,9 +246,8 @@ def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmCon
                   acceleration / TO_FULL_ACCELERATION, ASSUMED)
     limits = {"lower": lower, "upper": upper, "torque": torque, "velocity": velocity, "acceleration": acceleration,
               "jerk": jerk}
-    for key in ("acceleration", "jerk"):
-        own = getattr(config.stepwise, key)
-        limits[f"step_{key}"] = limits[key] if own is None else per_joint(names, own, f"stepwise.{key}", path)
+    limits |= {f"step_{key}": limits[key] if (own := getattr(config.stepwise, key)) is None else
+               per_joint(names, own, f"stepwise.{key}", path) for key in ("acceleration", "jerk")}
     return limits, sources, missing
 
 

@@ -27,8 +27,10 @@ def parse_model(path: Path) -> ET.Element:
     except Exception as error:  # expressions of the file are executed
         raise ConfigError(f"{path}: xacro: {' '.join(str(error).split())}; accepted: the URDF that `xacro {path.name}` "
                           f"prints, or a xacro file after `pip install xacro`") from None
+    declared = "".join(f' xmlns:{name}="{name}"' for name in set(re.findall(r"[<\s]([a-zA-Z_]\w*):\w", text))
+                       if name not in ("xml", "xmlns") and f"xmlns:{name}=" not in text)  # ROS asks for none
     try:
-        return ET.fromstring(text.lstrip())
+        return ET.fromstring(re.sub("<robot(?=[\\s>])", f"<robot{declared}", text.lstrip(), count=1))
     except ET.ParseError as error:
         if path.suffix.lower() != ".urdf" and "<robot" not in text:
             return ET.Element("mujoco")
@@ -92,7 +94,7 @@ def locate_mesh(address: str, folder: Path, packages: Mapping[str, str], path: P
     for place in places:
         if os.path.isfile(place):  # False for a name that is too long
             return place.resolve()
-    raise ConfigError(f"{path}: mesh {address}: not found" + "".join(f", not as {place}" for place in places) +
+    raise ConfigError(f"{path}: mesh {address}: " + ", not as ".join(["not found", *dict.fromkeys(map(str, places))]) +
                       "; accepted: a path, file://PATH, or package://NAME/PATH with a folder NAME beside or above the "
                       "URDF, in ROS_PACKAGE_PATH or AMENT_PREFIX_PATH, or of the key packages: {NAME: FOLDER} of a "
                       ".yaml file")

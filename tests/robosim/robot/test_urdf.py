@@ -84,6 +84,13 @@ def test_visual_shapes_that_are_left_out_are_noted(end: str, tmp_path: Path) -> 
         read(path)
 
 
+def test_prefixes_that_a_file_does_not_declare_are_read(tmp_path: Path) -> None:
+    """As those of Drake, which ROS and MuJoCo read, too."""
+    path = write_urdf(tmp_path / "a.urdf", (LIMIT % (5, 5), 'drake:acceleration="2.5" ' + LIMIT % (5, 5)),
+                      ("</robot>", '<drake:joint name="q"/></robot>'))
+    assert read(path).torque.tolist() == read(write_urdf(tmp_path / "b.urdf")).torque.tolist()
+
+
 @pytest.mark.parametrize(("changes", "message"), [
     ((LIMIT % (5, 5), LIMIT % (5, 5) + '<mimic joint="q2"/>'), "equality 0 of q5 and q2 acts"),
     ((LIMIT % (5, 5), LIMIT % (5, 5) + '<mimic joint="none"/>'), "<mimic> of 'none'; accepted: a joint of q0"),

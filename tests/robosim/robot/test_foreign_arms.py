@@ -1,0 +1,50 @@
+"""Arms of other people's packages rehearse the bundled spoon with the default servo and step, or are refused by name.
+
+docs/developer/testing.md says how to get the packages. An arm whose package is not there is skipped."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from foreign_arms import ARMS, find_arm
+
+from robosim import Rehearsal
+from robosim.base.errors import ConfigError
+from robosim.config.arm import ArmConfig
+
+STEP, JOLT, MOST_JOLTS, AT_REST = 1e-3, 0.01, 10, 0.02
+"""[s]; change of the tool's velocity in a step [m/s]; steps with one: an unstable servo has them in every step, the
+coupling in a few where it corrects the tool's pose; speed of a joint [rad/s]."""
+REFUSED = [name for name in ARMS if "refused" in ARMS[name]]
+pytestmark = pytest.mark.filterwarnings("ignore:.*(visual shapes are left out|no shape of it collides)")
+
+
+def find(name: str) -> dict[str, Any]:
+    """Return `robot` of a rehearsal, or skip the test."""
+    return find_arm(name) or pytest.skip(f"{ARMS[name]['package']} is neither installed nor in ROBOSIM_ARMS")
+
+
+def test_the_table_has_fifteen_arms_without_a_servo_of_their_own() -> None:
+    assert len(ARMS) >= 15 and len(set(ARMS) - set(REFUSED)) >= 12
+    for arm in ARMS.values():
+        ArmConfig.model_validate({key: arm[key] for key in arm if key in ("model", "flange", "limits", "base")})
+        assert "==" in arm["package"] and set(arm) <= {"arm", "package", "model", "flange", "limits", "base", "refused"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(ARMS) - set(REFUSED)))
+def test_an_arm_holds_every_bound_and_comes_to_rest(name: str, tmp_path: Path) -> None:
+    result = Rehearsal("spoon", robot=find(name), gripper="none").run(out=tmp_path)
+    assert result.missed == [] and result.config.host_dt == STEP
+    jolts = np.abs(np.diff(result.curves["reached"][:, :3], 2, axis=0)).max(axis=1) / STEP
+    assert np.count_nonzero(jolts > JOLT) < MOST_JOLTS
+    assert np.abs(result.curves["qd"][-1]).max() < AT_REST
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REFUSED)
+def test_an_arm_is_refused_by_what_it_lacks(name: str) -> None:
+    with pytest.raises(ConfigError, match=ARMS[name]["refused"]) as refusal:
+        Rehearsal("spoon", robot=find(name), gripper="none")
+    assert "\n" not in str(refusal.value)
