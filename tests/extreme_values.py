@@ -4,11 +4,13 @@ import contextlib
 import copy
 import io
 import json
+import re
 import resource
 import signal
 import zipfile
 from collections.abc import Callable, Iterator
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from hypothesis import HealthCheck, given, settings
@@ -34,6 +36,10 @@ FILLS: tuple[Any, ...] = (0, 1, -1, 10**9, 2**63 - 1, 1e300, np.nan, np.inf, Tru
 PIECES = (b"\x00" * 8, b"\xff" * 8, b"[" * 5000, b"{a: " * 500, b"&a [*a]", b"\n- " * 3000, b"9" * 5000, b"1e999",
           b"\xff\xfe", b"!!python/none ", b'{"a": 1, "a": 1}', b"NaN")
 """What readers of text fail on."""
+
+TEXTS = (b"nan", b"inf", b"-inf", b"1e308", b"-1e308", b"1e-320", b"-1", b"0", b"99999999999", b"4294967295", b"", b"x",
+         b"1 1", b"../../x", b"9" * 400)
+"""Texts in place of a number or a name."""
 
 
 class TooSlow(BaseException):
@@ -66,7 +72,7 @@ def handle(action: Callable[[], Any]) -> tuple[Any, str]:
             return action(), ""
         except OWN as error:
             text = str(error)
-    assert text and len(text) < 20_000
+    assert text and len(text) < 20_000 and "\n" not in text
     return None, text
 
 
@@ -169,3 +175,33 @@ def array_files(draw: Callable, arrays: dict[str, np.ndarray]) -> bytes:
             new = draw(st.sampled_from([b"(9999999999, ", b",", b"<c", b"|O", b"-", b"(" * 100, b"V", b"NUMPY\x03"]))
             other.writestr(member, content.replace(old, new, 1))
     return lying.getvalue()
+
+
+@st.composite
+def changed_texts(draw: Callable, content: bytes) -> bytes:
+    """Draw a text with up to three of its numbers or quoted words replaced."""
+    for _ in range(draw(st.integers(1, 3))):
+        here = [found.span() for found in re.finditer(rb'-?\d[\d.e-]*|(?<=")[^"<>]+(?=")', content)]
+        if here:
+            begin, end = draw(st.sampled_from(here))
+            content = content[:begin] + draw(st.sampled_from(TEXTS)) + content[end:]
+    return content
+
+
+@st.composite
+def changed_elements(draw: Callable, content: bytes) -> bytes:
+    """Draw XML with up to three elements removed, copied into others, or with attributes removed or exchanged."""
+    root = ElementTree.fromstring(content)
+    for _ in range(draw(st.integers(1, 3))):
+        pairs = [(parent, child) for parent in root.iter() for child in parent]
+        (parent, child), (other, _) = draw(st.tuples(*2 * [st.sampled_from(pairs)]))
+        if draw(st.booleans()) and child.attrib:
+            one, two = draw(st.tuples(*2 * [st.sampled_from(sorted(child.attrib))]))
+            child.attrib[one], child.attrib[two] = child.attrib[two], child.attrib[one]
+            if one == two:
+                del child.attrib[one]
+        elif draw(st.booleans()) and len(pairs) > 1:
+            parent.remove(child)
+        else:
+            other.append(copy.deepcopy(child))
+    return ElementTree.tostring(root)

@@ -1,7 +1,6 @@
 """`robosim export`: demonstrations as transitions in a Minari dataset, or in its HDF5 file alone."""
 
 import json
-import os
 import re
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,6 +15,7 @@ from mpm.files import write
 from policies.demonstrations.reading import PlayedDemonstration, read_demonstrations
 from policies.learning.environments import environment_id, make_environment
 from robosim.base.files import write_json
+from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 from robosim.episode.play import run_episode
 
@@ -71,20 +71,18 @@ def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", acti
 
 def dataset_files(out: Path) -> tuple[Path, Path | None]:
     """Return the files of transitions and of metadata that `out` stands for, in a folder that exists.
-    Raises mpm.InvalidValue for an `out` that cannot be used."""
+    Raises mpm.InvalidValue, ConfigError for an `out` that cannot be used."""
     is_file = out.suffix in (".hdf5", ".h5")
     if not is_file and not re.fullmatch(r"[-\w]+", out.name):
         raise mpm.InvalidValue(f"--out {out}: a dataset cannot be called {out.name!r}; accepted: letters, digits, - "
                                f"and _, or the name of a file that ends in .hdf5")
-    folder = out.parent if is_file else out / "data"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise mpm.InvalidValue(f"--out {out}: cannot be written: {error}") from error
-    if (is_file and out.is_dir()) or not os.access(folder, os.W_OK):
-        raise mpm.InvalidValue(f"--out {out}: a folder, or in one that cannot be written; give another one")
+    if is_file and out.is_dir():
+        raise mpm.InvalidValue(f"--out {out}: a folder; accepted: a name without .hdf5, or a new file")
+    OutputFolder(out.parent if is_file else out, is_shared=is_file).release()
     if is_file:
         return out, None
+    folder = out / "data"
+    folder.mkdir(exist_ok=True)
     return folder / "main_data.hdf5", folder / "metadata.json"
 
 

@@ -4,15 +4,15 @@ from pathlib import Path
 from typing import Any
 
 import mpm
-from mpm.files import write
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.further_tables import make_further_tables
 from policies.results.page import fill_page, score_table
 from policies.results.rows import ROW, find_stale, make_row, pack_rows, unpack_rows
 from policies.results.summary import summarise_runs
 from robosim.base.digests import digest
-from robosim.base.files import write_json, write_rows, write_text
+from robosim.base.files import write_rows
 from robosim.base.input_files import check_form, read_json
+from robosim.base.output_folder import OutputFolder
 from robosim.base.resources import folder
 from robosim.config.table import read
 from robosim.reports.page import Page
@@ -86,7 +86,8 @@ def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
 def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
     """Write tables.json, tables.csv and curves.png of runs, and a page as index.html, into a folder; return 0.
     sources: folders with runs, or tables.json files. is_mixed: whether means over runs that differ are shown, with a
-    note, and not refused. Raises mpm.InvalidValue as `require_rows`, and for a mean over runs that differ."""
+    note, and not refused. Raises mpm.InvalidValue as `require_rows`, and for a mean over runs that differ; ConfigError
+    for an `out` that cannot be used."""
     rows, unfinished = require_rows(sources)
     published = read(folder("configs") / "published" / PUBLISHED)
     summaries, notes = summarise_runs(rows, published)
@@ -94,22 +95,21 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
         raise mpm.InvalidValue(f"means over runs that differ: {'; '.join(notes)}; accepted: runs of one kind in a "
                                f"line: leave some out, give them another --label in training, or add --mixed")
     stale = [f"{len(group)} of {len(rows)} runs: {reason}" for reason, group in find_stale(rows).items()]
-    out.mkdir(parents=True, exist_ok=True)
-    numbers, further_tables = make_further_tables(summaries, rows, sources, published)
-    write_json(out / "tables.json", {"tables": summaries, **pack_rows(rows), "mixed": notes, "not_finished": unfinished,
-                                     "published": published, **numbers})
-    write_rows(out / "tables.csv", [{**row, "code": digest(row["code"]) if row["code"] else ""} for row in rows])
-    curves = group_curves(rows)
-    if curves:
-        write(out / "curves.png", lambda path: draw_curves(path, curves))
-    page = Page("Results of runs")
-    fill_page(page, summaries, published, sources, further_tables,
-              {"Not finished": unfinished, "Means over different runs": notes, "Older than the code": stale})
-    if curves:
-        page.add_heading("Learning curves")
-        page.add_picture((out / "curves.png").read_bytes(), "Score over episodes: median of each method's runs, and "
-                         "the band from their worst to their best.")
-    write_text(out / "index.html", page.html())
+    with OutputFolder(out) as results:
+        numbers, further_tables = make_further_tables(summaries, rows, sources, published)
+        results.write_json("tables.json", {"tables": summaries, **pack_rows(rows), "mixed": notes,
+                                          "not_finished": unfinished, "published": published, **numbers})
+        write_rows(out / "tables.csv", [{**row, "code": digest(row["code"]) if row["code"] else ""} for row in rows])
+        curves = group_curves(rows)
+        page = Page("Results of runs")
+        fill_page(page, summaries, published, sources, further_tables,
+                  {"Not finished": unfinished, "Means over different runs": notes, "Older than the code": stale})
+        if curves:
+            page.add_heading("Learning curves")
+            picture = results.write("curves.png", lambda path: draw_curves(path, curves)).read_bytes()
+            page.add_picture(picture, "Score over episodes: median of each method's runs, "
+                             "and the band from their worst to their best.")
+        results.write_text("index.html", page.html())
     print("\n\n".join(table.text for table in [score_table(summaries, published), *further_tables]))
     for title, texts in (("mean over different runs", notes), ("not finished", unfinished),
                          ("older than the code", stale)):

@@ -95,7 +95,7 @@ class Pipeline:
 
     def run(self) -> int:
         """Run all stages; return 0, or 1 where one failed."""
-        with OutputFolder(self.out):
+        with OutputFolder(self.out) as folder:
             stages = 2 * len(self.tasks) + (2 if self.options.perturb is None else 3)
             self._progress = Progress(total=stages, desc="pipeline", unit="commands")
             pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
@@ -111,6 +111,8 @@ class Pipeline:
                 self._progress.close()
             rows = collect_rows(self.out, self.tasks, {task: self._training_folder(task) for task in self.tasks})
             self._store(rows=rows)
+            folder.failures += [f"{name}: {one['reason']}" for name, one in self.stages.items()
+                                if one["state"] != "finished"]
         print(format_rows(rows))
         for name, stage in self.stages.items():
             if stage["state"] != "finished":

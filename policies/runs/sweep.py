@@ -42,15 +42,16 @@ def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = Fa
     if launcher is not None:
         launcher.configure(file.launch)
     file.out.mkdir(parents=True, exist_ok=True)
-    with keep_status(file.out):
+    with keep_status(file.out) as failures:
         try:
             failed = run_queue(unfinished, jobs, len(runs)) if launcher is None else \
                 run_elsewhere(unfinished, launcher, file.out / "launch", len(runs))
         finally:
             write_json(file.out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
-    for run, reason in failed:
-        print(f"failed: {run.out}: {reason}", file=sys.stderr)
-    return 1 if failed else 0
+        failures += [f"{run.out}: {reason}" for run, reason in failed]
+    for failure in failures:
+        print(f"failed: {failure}", file=sys.stderr)
+    return 1 if failures else 0
 
 
 def run_queue(runs: list[SweepRun], jobs: int, total: int) -> list[tuple[SweepRun, str]]:

@@ -67,12 +67,15 @@ def write_status(folder: Path, state: str, **more: object) -> None:
 
 
 @contextlib.contextmanager
-def keep_status(folder: Path) -> Iterator[None]:
-    """Keep status.json of a folder while work is done there: "running", then how the work ended, with the reason."""
+def keep_status(folder: Path) -> Iterator[list[str]]:
+    """Keep status.json of a folder while work is done there: "running", then how the work ended, with the reason.
+    Gives a list for what failed while the work went on, which then has "failed", too."""
+    failures = list[str]()
     try:
         write_status(folder, "running")
-        yield
-        write_status(folder, "finished")
+        yield failures
+        state, more = ("failed", {"reason": "; ".join(failures)}) if failures else ("finished", {})
+        write_status(folder, state, **more)
     except BaseException as error:
         with contextlib.suppress(OSError):  # the error that ended the work is the one to report
             write_status(folder, end_state(error), reason=describe_end(error))

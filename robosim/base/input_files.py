@@ -1,6 +1,8 @@
 """Files that others wrote: text, JSON and YAML, read within bounds on size and nesting.
 What a file says about itself (lengths, shapes, references) is compared with what is there before memory is taken."""
 
+import csv
+import io
 import json
 import math
 from collections.abc import Sequence
@@ -49,10 +51,10 @@ def read_text(path: Path, most: int = MAX_TEXT) -> str:
 def read_rows(path: Path, most: int, place: object) -> list[list[str]]:
     """Read the rows of a .csv file, names first. place: for messages. Raises ConfigError where it cannot be read."""
     try:
-        lines = read_text(path, most).splitlines() or [""]
-    except (OSError, InvalidValue) as error:
+        rows = csv.reader(io.StringIO(read_text(path, most), newline=""), skipinitialspace=True, strict=True)
+        return [[cell.strip() for cell in row] for row in rows] or [[]]
+    except (OSError, InvalidValue, csv.Error) as error:
         raise ConfigError(f"{place}: cannot be read: {str(error).removeprefix(f'{path}: ')}") from None
-    return [[cell.strip().strip('"') for cell in line.split(",")] for line in lines]
 
 
 def to_numbers(rows: list[list[str]], names: Sequence[str], place: object, may_miss: str = "") -> np.ndarray:

@@ -36,11 +36,14 @@ def aligned(lines: list[list[str]]) -> str:
 class OutputFolder:
     """The folder given as `--out`, checked before any work and kept from other processes as long as this lives.
     In a `with` statement status.json of one that is not shared says how far the work has come: "running", then
-    "finished", "interrupted" or "failed". Raises ConfigError where the folder cannot be written, another process is at
-    work there, or, unless it is shared, it has files and is none of an earlier run."""
+    "finished", "interrupted" or "failed", the last also where `failures` has a reason. Raises ConfigError where the
+    folder cannot be written, another process is at work there, or, unless it is shared, it has files and is none of an
+    earlier run."""
 
     def __init__(self, path: Path, is_shared: bool = False) -> None:
         self.path, self._status, self._is_shared = path, contextlib.ExitStack(), is_shared
+        self.failures = list[str]()
+        """What failed although the work goes on, so that the command's exit status will be 1."""
         try:
             path.mkdir(parents=True, exist_ok=True)
             self._is_marked = (path / LOCK).exists() or not is_shared
@@ -60,7 +63,7 @@ class OutputFolder:
     def __enter__(self) -> "OutputFolder":
         self._status.callback(self.release)
         if not self._is_shared:
-            self._status.enter_context(keep_status(self.path))
+            self.failures = self._status.enter_context(keep_status(self.path))
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,

@@ -22,31 +22,15 @@ def folder(name: str) -> Path:
     return installed if installed.is_dir() else CHECKOUT / name
 
 
-def trained(task: str) -> Path | None:
-    """Return the path of the bundled motion of a sub-task; None where there is none."""
-    path = CHECKOUT / "policies" / "trained" / f"{task}.npz"
-    return path if path.is_file() else None
-
-
-def trained_network(task: str) -> Path | None:
-    """Return the path of the bundled network of a sub-task, a policy that observes; None where there is none."""
-    path = CHECKOUT / "policies" / "trained" / "networks" / f"{task}.npz"
+def trained(task: str, kind: str = ".") -> Path | None:
+    """Return the path of the bundled motion of a sub-task, or of its "networks"; None where there is none."""
+    path = CHECKOUT / "policies" / "trained" / kind / f"{task}.npz"
     return path if path.is_file() else None
 
 
 def config_names(kind: str) -> list[str]:
     """Stems of configs/<kind>/*.yaml, sorted."""
     return sorted(path.stem for path in (folder("configs") / kind).glob("*.yaml"))
-
-
-def container_names() -> list[str]:
-    """Stems of models/containers/*.xml, sorted."""
-    return sorted(path.stem for path in (folder("models") / "containers").glob("*.xml"))
-
-
-def tool_names() -> list[str]:
-    """Names of the tools of models/tools, sorted."""
-    return part_names("tools")
 
 
 def part_names(kind: str) -> list[str]:

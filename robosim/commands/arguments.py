@@ -83,36 +83,40 @@ class Settings(tuple[Setting, ...]):
     @contextlib.contextmanager
     def changed(self, kind: str, name: str, folder: Path | None) -> Iterator[str]:
         """Give the path of a copy of a configuration with the settings in it, or the name itself without settings.
-        kind: "tasks" or "rehearsals". The copy stays in the folder, as NAME.yaml; with None it is temporary. Raises
-        ConfigError for a setting that does not fit, and UnknownName."""
+        kind: "tasks" or "rehearsals". The copy stays in the folder, as NAME.yaml, unless the command is refused;
+        with None it is temporary. Raises ConfigError for a setting that does not fit, and UnknownName."""
         source = config_path(kind, name, kind[:-1])
         if not self:
             yield name
             return
-        from robosim.base.output_folder import OutputFolder
+        from robosim.base.output_folder import LOCK, STATUS, OutputFolder
         from robosim.config.table import read
 
         self.check(kind, name)
         with tempfile.TemporaryDirectory() as temporary:
-            out = OutputFolder(folder or Path(temporary))
+            is_new, out = folder is not None and not folder.exists(), OutputFolder(folder or Path(temporary))
             copy = out.path / f"{source.stem}.yaml"
             if copy.resolve() == source.resolve():
                 raise ConfigError(f"--out {folder}: {source.name} with the settings would replace {source}; give "
                                   f"another folder")
             out.write_yaml(copy.name, locate_paths(self.apply(locate_paths(read(source), source.parent)), Path.cwd()))  # pyright: ignore[reportArgumentType]
             out.release()  # the command itself locks its folder
-            yield str(copy)
+            try:
+                yield str(copy)
+            except BaseException:
+                if not (out.path / STATUS).exists():  # refused before any work
+                    copy.unlink(missing_ok=True)
+                    if is_new and [one.name for one in out.path.iterdir()] == [LOCK]:
+                        (out.path / LOCK).unlink()
+                        out.path.rmdir()
+                raise
 
     def check(self, kind: str, name: str) -> None:
         """Raise ConfigError unless a configuration is valid with the settings. kind: "tasks" or "rehearsals"."""
-        if kind == "tasks":
-            from robosim.tasks.task import load_task
+        from robosim.config.rehearsal import load_rehearsal
+        from robosim.tasks.task import load_task
 
-            load_task(name, self)
-        else:
-            from robosim.config.rehearsal import load_rehearsal
-
-            load_rehearsal(name, settings=self)
+        (load_task if kind == "tasks" else load_rehearsal)(name, settings=self)
 
 
 class AddSetting(argparse.Action):

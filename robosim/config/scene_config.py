@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal
 import pydantic
 from pydantic import Field
 
-from robosim.base.resources import container_names
+from robosim.base.resources import folder
 from robosim.config.bounds import MAX_ENTRIES, FilePath, Length, Name, Text
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
 from robosim.config.table import Table
@@ -77,7 +77,7 @@ class SceneConfig(Table):
     @pydantic.model_validator(mode="after")
     def _check_containers(self) -> "SceneConfig":
         """Refuse a container that is not known, and one with the tool's name."""
-        names = container_names()
+        names = sorted(path.stem for path in (folder("models") / "containers").glob("*.xml"))
         for name, container in self.containers.items():
             if container.is_named and (container.model or name) not in names:
                 raise ValueError(f"containers: unknown {container.model or name!r}; valid: {', '.join(names)}; or a "

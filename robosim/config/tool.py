@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import Field
 
-from robosim.base.resources import part_path, tool_names
+from robosim.base.resources import part_names, part_path
 from robosim.config.bounds import MAX_ENTRIES, FilePath, Intensity, Length
 from robosim.config.scene import RegionConfig
 from robosim.config.table import Table, Vector3, load
@@ -137,8 +137,8 @@ def read_tool_file(given: Any) -> Any:
 
 def check_tool(tool: str | ToolConfig) -> str | ToolConfig:
     """Return a tool; raises ValueError for a name that models/tools does not have."""
-    if isinstance(tool, str) and tool not in tool_names():
-        raise ValueError(f"unknown {tool!r}; valid: {', '.join(tool_names())}, or the path of a .yaml file of your own")
+    if isinstance(tool, str) and tool not in (names := part_names("tools")):
+        raise ValueError(f"unknown {tool!r}; valid: {', '.join(names)}, or the path of a .yaml file of your own")
     return tool
 
 

@@ -17,7 +17,7 @@ GRAIN_SHAPE = trimesh.creation.icosahedron()
 
 def write_frame(recording: Recording, time: float, out: Path) -> float:
     """Write the frame nearest to a time [s] as a .glb file; return the frame's time [s].
-    Raises ConfigError for a recording without frames."""
+    Raises ConfigError for a recording without frames, or with a damaged one."""
     n = len(recording)
     if not n:
         raise ConfigError(f"{recording.path}: has no frames")
@@ -30,8 +30,11 @@ def write_frame(recording: Recording, time: float, out: Path) -> float:
             continue
         transform = trimesh.transformations.quaternion_matrix(pose[3:])
         transform[:3, 3] = pose[:3]
-        part = trimesh.load(io.BytesIO(recording.shapes[body.name]), file_type="glb")
-        assert isinstance(part, trimesh.Scene)
+        try:
+            part = trimesh.load_scene(io.BytesIO(recording.shapes[body.name]), file_type="glb")
+        except Exception as error:  # as of any reader of meshes
+            raise ConfigError(f"{recording.path}: damaged: shape of {body.name}: {error}; record the run again"
+                              ) from None
         for name, geometry in part.geometry.items():
             whole.add_geometry(geometry, node_name=f"{body.name}/{name}", geom_name=f"{body.name}/{name}",
                                transform=transform)

@@ -13,6 +13,7 @@ from PIL import Image
 
 from mpm.files import write
 from robosim.base.errors import ConfigError, RobosimError, UnknownName
+from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 from robosim.config.scene import RegionConfig
 from robosim.episode import COLOURS, FOLLOW
@@ -92,12 +93,13 @@ def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = No
     return folder / name
 
 
-def try_film(run: Path, style: FilmStyle) -> FilmFailed | None:
-    """Draw the film of a run whose other results are complete; return why it could not be written.
+def try_film(folder: OutputFolder, style: FilmStyle) -> FilmFailed | None:
+    """Draw the film of a run whose other results are complete; return why it could not be written, of `failures`, too.
     Where this machine cannot draw, a line on stderr says so."""
     try:
-        film_run(run, style=style)
+        film_run(folder.path, style=style)
     except FilmFailed as error:
+        folder.failures.append(str(error))
         return error
     except RenderingUnavailable as error:
         print(f"no video: {error}", file=sys.stderr)

@@ -112,7 +112,7 @@ class Recording(AbstractContextManager["Recording"]):
             raise self._damage(ValueError(f"at byte {place[0]}: a block of kind {kind!r}"))
 
     def __len__(self) -> int:
-        return len(self._grains)
+        return min(len(self._scenes), len(self._grains))
 
     def scene(self, k: int) -> SceneState:
         """Return poses and readings of the k-th frame. Raises ConfigError for a damaged one."""

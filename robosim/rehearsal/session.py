@@ -159,12 +159,12 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
                 folder.write("last_good_state.npz", run.save_last_good_state)
                 finish_recording(run, recorder)
                 if film is not None:  # of what was simulated
-                    try_film(folder.path, film)
+                    try_film(folder, film)
                 raise
         figures = compute_figures(run)
         result = Result(run, figures, find_missed(figures, config), folder.path)
         try:
-            result.failure = None if film is None else try_film(folder.path, film)
+            result.failure = None if film is None else try_film(folder, film)
         finally:  # an interrupted film costs no result
             folder.write_text("index.html", make_page(run, figures, result.missed, folder.path).html())
             if result.is_repeatable and not result.missed:

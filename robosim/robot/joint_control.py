@@ -88,7 +88,10 @@ class Servo:
         dofs (n,): indices of the arm."""
         M, passive, inertia = np.zeros((model.nv, model.nv)), model.dof_damping, np.eye(len(dofs))
         mujoco.mj_fullM(model, data, M)
-        mobility = np.linalg.inv(M + self._dt * np.diag(passive))[np.ix_(dofs, dofs)]
+        try:
+            mobility = np.linalg.inv(M + self._dt * np.diag(passive))[np.ix_(dofs, dofs)]
+        except np.linalg.LinAlgError:
+            raise ConfigError(f"inertias of joints up to {M.max():.2g}; accepted: an arm's, in kg and m") from None
         if self.gains.per_inertia:
             inertia = self.arm.inertia(data.qpos[model.jnt_qposadr[model.dof_jntid[dofs]]], self._dt)
         ds, modes = map(np.real, np.linalg.eig(mobility @ (inertia * self.gains.damping + np.diag(passive[dofs]))))

@@ -38,7 +38,7 @@ def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.
             one.name = one.name or f"{number} of {one.name1} and {one.name2}"
         for key in list(spec.keys):
             spec.delete(key)
-        spec.copy().compile()
+        spec.compile()  # a copy would leave out what refers to nothing
     except ConfigError:
         raise
     except (ValueError, RecursionError) as error:

@@ -119,7 +119,8 @@ def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     except Exception as error:  # a reader of many formats raises as many kinds
         raise ConfigError(f"{path}: cannot be read as a mesh: {error}") from None
     corners, faces = mesh.vertices, mesh.faces
-    if not len(faces) or not np.isfinite(corners).all() or faces.min() < 0 or faces.max() >= len(corners):
+    if not len(faces) or corners.shape[1] != 3 or not np.isfinite(corners).all() \
+            or faces.min() < 0 or faces.max() >= len(corners):
         raise ConfigError(f"{path}: holds no triangles, or some without finite corners; accepted: a mesh of triangles")
     mesh.apply_scale(scale)
     size = float(mesh.extents.max())

@@ -31,10 +31,11 @@ def run(options: argparse.Namespace) -> int:
     if options.to == "glb":
         if options.out.suffix != ".glb":
             raise ConfigError(f"--out {options.out}: accepted with --to glb: a file that ends in .glb")
+        from robosim.base.output_folder import OutputFolder
         from robosim.conversion.gltf import write_frame
         from robosim.recordings.reader import Recording, find_recordings
 
-        with Recording(find_recordings(options.folder)[0]) as recording:
+        with Recording(find_recordings(options.folder)[0]) as recording, OutputFolder(options.out.parent, True):
             time = write_frame(recording, options.time, options.out)
         print(f"{options.out}: the frame at {time:.3f} s")
         return 0

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.base.resources import config_names, part_names, trained_network
+from robosim.base.resources import config_names, part_names, trained
 from robosim.commands.arguments import one_of, refuse
 from robosim.envs import BUNDLED, is_task_file, task_name
 from robosim.studies.evaluation import NETWORK, POLICIES, SUITES
@@ -87,7 +87,7 @@ def find_network(name: str, task: str) -> str:
     tasks = with_network()
     if name != NETWORK or not tasks:
         return name
-    path = trained_network(task_name(task))
+    path = trained(task_name(task), "networks")
     if path is None:
         raise ConfigError(f"policy {NETWORK}: none is bundled for {task}; accepted: for {', '.join(tasks)}; "
                           f"`robosim train` learns one")
@@ -96,7 +96,7 @@ def find_network(name: str, task: str) -> str:
 
 def with_network() -> list[str]:
     """Return the sub-tasks that a network is bundled for."""
-    return [task for task in config_names("tasks") if trained_network(task)]
+    return [task for task in config_names("tasks") if trained(task, "networks")]
 
 
 def check_policy(name: str) -> None:

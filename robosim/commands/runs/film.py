@@ -36,10 +36,7 @@ def run(options: argparse.Namespace) -> int:
     from robosim.recordings.reader import find_recordings
 
     own = find_recordings(options.what)[0].parent
-    folder = OutputFolder(options.out or own, is_shared=options.out is None)
-    try:
-        print(film_run(options.what, folder.path, FilmStyle(options.camera, options.colour, options.height,
-                                                            options.poster)))
-    finally:
-        folder.release()
+    with OutputFolder(options.out or own, is_shared=options.out is None) as folder:
+        style = FilmStyle(options.camera, options.colour, options.height, options.poster)
+        print(film_run(options.what, folder.path, style))
     return 0

@@ -58,7 +58,7 @@ class Rings(NamedTuple):
 
 def sort_rings(distances: np.ndarray, heights: np.ndarray, width: float, last: int | None = None) -> Rings:
     """Return the rings of a width [m] that hold readings at distances [m] (n,) with heights [m] (n,); last: most."""
-    index = (distances / width).astype(int)
+    index = np.minimum(distances / width, MAX_PIXELS).astype(int)
     if last is not None:
         used = index < last
         index, distances, heights = index[used], distances[used], heights[used]

@@ -51,7 +51,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
         values = summarize(task, name, rows, episodes)
         if folder:
             try:
-                failure = try_film(folder.path, EPISODE) if film else None
+                failure = try_film(folder, EPISODE) if film else None
             finally:  # an interrupted film costs no result
                 folder.write_text("index.html", make_page(values, folder.path).html())
     for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith(("readings.", "arm.")))):

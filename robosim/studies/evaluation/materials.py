@@ -41,20 +41,20 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
     work = [Job("robosim.studies.evaluation.material_episode:play_in_material",
                 {"task": task, "name": name, "label": label}, depends=inputs)
             for task in tasks for inputs in [list_inputs(task, name)] for label in [OWN, *MATERIALS]]
-    episodes, failed = dict[str, Rows](), []
+    episodes = dict[str, Rows]()
     with OutputFolder(out) as folder:
         for row in Study(folder.path, jobs, launcher).rows(work, "materials", "episodes"):
             task, label = row.job.arguments["task"], row.job.arguments["label"]
             if row.failed:
-                failed.append(f"{task} in {label}: {row.failed}")
+                folder.failures.append(f"{task} in {label}: {row.failed}")
             else:
                 episodes.setdefault(task, {})[label] = row.value
         complete = [task for task in tasks if len(episodes.get(task, {})) == 1 + len(MATERIALS)]
         if complete:
             write_tables(folder, name, {task_name(task): make_rows(episodes[task]) for task in complete})
-    for failure in failed:
+    for failure in folder.failures:
         print(f"failed: {failure}; finished episodes are kept, run the same command again to continue", file=sys.stderr)
-    return 1 if failed else 0
+    return int(bool(folder.failures))
 
 
 def check_policy(task: str, name: str) -> None:

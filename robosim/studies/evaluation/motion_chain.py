@@ -62,7 +62,7 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
             if broken:
                 break
         try:
-            failure = try_film(out, EPISODE) if film else None
+            failure = try_film(folder, EPISODE) if film else None
         finally:  # an interrupted film costs no result
             folder.write_text("index.html", make_page(name, config.material, rows, broken, out).html())
     print(format_rows(rows))

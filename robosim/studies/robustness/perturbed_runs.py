@@ -38,6 +38,7 @@ def perturb(name: str, out: Path, count: int, *, jobs: int = 1, launcher: Launch
         done = Study(folder.path, jobs, launcher).rows(work, "runs")
         rows = {seed: row.value for seed, row in enumerate(done) if not row.failed}
         failed = {seed: row.failed for seed, row in enumerate(done) if row.failed}
+        folder.failures += failed.values()
         folder.write_json("perturbed.json", {"rows": {str(seed): row for seed, row in rows.items()}})
         page, holds = make_page(config, rows, failed)
         folder.write_text("index.html", page.html())

@@ -47,8 +47,7 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
         for k in Progress(range(episodes), desc=f"{task_name(task)}, pour curve", unit="episodes"):
             points, load, reason = pour_slowly(env, seed + k, given.motion, rate_deg, most_deg)
             if reason:
-                print(f"failed: seed {seed + k}: {reason}", file=sys.stderr)
-                return 1
+                return _fail(folder, f"seed {seed + k}: {reason}")
             curves.append(points)
             loads.append(load)
             folder.write_json("curve.json", {"made_by": provenance(), "task": task, "material": start.material,
@@ -58,9 +57,7 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
         tilts, masses = mean_curve(curves, most_deg)
         load = float(np.mean(loads))
         if masses[-1] < FIRST_SHARE * load:
-            print(f"failed: {masses[-1] * 1e3:.2f} g of {load * 1e3:.1f} g left the tool up to {most_deg} deg",
-                  file=sys.stderr)
-            return 1
+            return _fail(folder, f"{masses[-1] * 1e3:.2f} g of {load * 1e3:.1f} g left the tool up to {most_deg} deg")
         curve = PourCurve(material=start.material, load=round(load, 6), rate_deg=rate_deg, tilts_deg=tuple(tilts),
                           masses=tuple(masses), source=provenance()["command"])
         numbers = given.model_copy(update={"curve": curve})
@@ -68,6 +65,12 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
     print(f"begins at {np.degrees(curve.begin):.1f} deg, {curve.most * 1e3:.1f} of {load * 1e3:.1f} g up to "
           f"{tilts[-1]:.0f} deg\n{path}")
     return 0
+
+
+def _fail(folder: OutputFolder, reason: str) -> int:
+    folder.failures.append(reason)
+    print(f"failed: {reason}", file=sys.stderr)
+    return 1
 
 
 def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:

@@ -116,9 +116,9 @@ def tune(task: str, controller: str, out: Path, options: SearchOptions, *, jobs:
     head = {"made_by": made_by, "task": table, **same, "seed": seed, "episodes": episodes,
             "numbers": numbers.model_dump(mode="json", exclude={"source"})}
     with OutputFolder(out) as folder:
-        study, drawn, rows, failed = Study(folder.path, jobs, launcher), [numbers], {}, dict[int, str]()
+        study, drawn, rows = Study(folder.path, jobs, launcher), [numbers], {}
         with Progress(total=choices, desc=f"{task_name(task)}, {controller}", unit="choices") as progress:
-            while not failed and (waiting := _next(choices, rows)):
+            while not folder.failures and (waiting := _next(choices, rows)):
                 costs = {k: summarize_doses(row, duration)["cost"] for k, row in rows.items()}
                 for k in range(len(drawn), waiting[-1] + 1):
                     drawn.append(draw_choice(controller, numbers, k, seed, costs, drawn))
@@ -127,7 +127,7 @@ def tune(task: str, controller: str, out: Path, options: SearchOptions, *, jobs:
                     "seed": seed, "count": episodes}, places={"folder": str(study.store.folder)}) for k in waiting]
                 for index, row in study.run(trials):
                     if row.failed:
-                        failed[waiting[index]] = row.failed
+                        folder.failures.append(f"choice {waiting[index]}: {row.failed}")
                     else:
                         rows[waiting[index]] = row.value
                         _write(folder, head, drawn, rows, choices)
@@ -136,10 +136,9 @@ def tune(task: str, controller: str, out: Path, options: SearchOptions, *, jobs:
             best = find_best(rows, duration)
             folder.write_yaml("numbers.yaml", drawn[best].model_dump(mode="json") | {"source": made_by["command"]})
             print(format_search(rows, duration, best))
-    for k, reason in failed.items():
-        print(f"failed: choice {k}: {reason}; what is finished is kept, run the same command again to continue",
-              file=sys.stderr)
-    return 1 if failed else 0
+    for failure in folder.failures:
+        print(f"failed: {failure}; what is finished is kept, run the same command again to continue", file=sys.stderr)
+    return int(bool(folder.failures))
 
 
 def find_best(rows: dict[int, list[dict[str, Any]]], duration: float) -> int:

@@ -107,7 +107,10 @@ def check_observations(stored: Any, space: gymnasium.Space) -> None:
 
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("")
     for task, out, error, message in (
+            ("SpoonTranslate", "mine", ConfigError, "holds other files, such as notes.txt"),
             ("SpoonTranslate", "a.hdf5", mpm.InvalidValue, "no demonstration_"),
             ("SpoonTranslate", "a b", mpm.InvalidValue, "cannot be called 'a b'; accepted: letters"),
             ("SpoonStir", "a.hdf5", ConfigError, "SpoonStir.*valid: Bottle")):

@@ -14,6 +14,7 @@ from policies.results.rows import preset_digest
 from policies.results.summary import summarise
 from policies.results.tables import check, collect_rows, tables
 from robosim.base.digests import exercised_code
+from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names
 from robosim.tasks.outcome import build_reward
 from robosim.tasks.task import load_task
@@ -198,6 +199,8 @@ def test_rows_older_than_the_code_are_named(tmp_path: Path, capsys: pytest.Captu
     assert stored["runs"][0]["command"] == "robosim train dg_sac"  # whatever the machine's folders
     assert list(stored["code"].values()) == [now] and stored["runs"][0]["code"] in stored["code"]
     assert check([tmp_path / "out" / "tables.json"]) == 0  # as a file has them
+    with pytest.raises(ConfigError, match="holds other files, such as a; accepted: a new or empty"):
+        tables([tmp_path / "a"], tmp_path)
 
 
 def test_curves_are_means_of_ten_episodes_and_are_drawn(tmp_path: Path) -> None:

@@ -1,9 +1,6 @@
 """Sweeps: planning, running, SLURM."""
 
 import json
-import subprocess
-import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -81,27 +78,6 @@ def test_unfinished_runs_are_given_to_a_launcher(tmp_path, capsys):
     assert f"failed: {runs[2].out}: exit status 2 | no such demonstration" in failed
     assert f"failed: {runs[3].out}: ended, but {runs[3].out} is new" in failed
     assert json.loads((tmp_path / "runs" / "sweep.json").read_text())["runs"][str(runs[0].out)] == "finished"
-
-
-@pytest.mark.slow
-def test_a_sweep_that_is_killed_twice_finishes(tmp_path):
-    """Two tasks, two methods, two seeds; SIGKILL to the sweep only: its runs are waited for, not repeated."""
-    file, out = tmp_path / "sweep.yaml", tmp_path / "runs"
-    file.write_text(f"tasks: [Pendulum-v1, MountainCarContinuous-v0]\nmethods: [sac, ppo]\nseeds: [0, 1]\nepisodes: 2\n"
-                    f"out: {out}\n")
-    arguments = [sys.executable, "-m", "robosim", "sweep", str(file), "--jobs", "2"]
-    for seconds in (8, 12):
-        process = subprocess.Popen(arguments, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        time.sleep(seconds)
-        process.kill()
-        process.wait()
-    assert subprocess.run(arguments, capture_output=True, check=False).returncode == 0
-    runs = [path for path in out.rglob("status.json") if path.parent != out]  # the sweep has a status of its own
-    states = [json.loads(path.read_text()) for path in runs]
-    assert len(states) == 8 and all(state["state"] == "finished" and state["episodes"] == 2 for state in states)
-    before = {path: path.stat().st_mtime_ns for path in runs}
-    assert subprocess.run(arguments, capture_output=True, check=False).returncode == 0
-    assert before == {path: path.stat().st_mtime_ns for path in runs}
 
 
 def test_the_last_line_of_a_log_is_read_from_its_end(tmp_path: Path) -> None:

@@ -1,8 +1,5 @@
 """Training runs: resuming, inputs that do not fit, seeds of episodes."""
 
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pytest
@@ -105,23 +102,3 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
 def test_layouts_that_a_method_cannot_observe_are_refused(tmp_path, method, obs):
     with pytest.raises(mpm.InvalidValue, match=f"obs {obs}; accepted"):
         train(method, "SpoonTranslate", tmp_path / "run", TrainingOptions(), obs=obs)
-
-
-@pytest.mark.slow
-def test_a_killed_command_continues(tmp_path):
-    """SIGKILL after the first checkpoint; the same command ends with the episodes of a run that was not killed."""
-    def run(out, kill: bool):
-        arguments = [sys.executable, "-m", "robosim", "train", "sac", "Pendulum-v1", "--episodes", "14", "--out",
-                 str(out)]
-        process = subprocess.Popen(arguments, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        while kill and process.poll() is None:
-            if (out / "checkpoint.zip").is_file():
-                process.kill()
-            time.sleep(0.02)
-        return process.wait()
-
-    assert run(tmp_path / "whole", False) == 0 and run(tmp_path / "killed", True) != 0
-    assert run(tmp_path / "killed", False) == 0
-    tables = [(tmp_path / name / "episodes.csv").read_text().splitlines() for name in ("whole", "killed")]
-    columns = [[line.split(",")[:3] for line in lines] for lines in tables]  # returns, too
-    assert columns[0] == columns[1] and len(columns[0]) == 15

@@ -8,6 +8,7 @@ import pytest
 
 from mpm.files import temporary_path, write
 from robosim.base.files import TEMPORARY, append, keep_status, remove_temporary, write_text
+from robosim.base.output_folder import OutputFolder
 
 
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt("SIGTERM")])
@@ -65,6 +66,14 @@ def test_a_status_says_how_work_ended(tmp_path: Path, error: BaseException | Non
         assert raised is error
     status = json.loads((tmp_path / "status.json").read_text())
     assert (status["state"], status.get("reason")) == (state, reason)
+
+
+def test_a_part_that_failed_is_a_failure(tmp_path: Path) -> None:
+    """As a run of several, or a film, whose command has exit status 1."""
+    with OutputFolder(tmp_path) as folder:
+        folder.failures.append("seed 3: diverged")
+    status = json.loads((tmp_path / "status.json").read_text())
+    assert (status["state"], status["reason"]) == ("failed", "seed 3: diverged")
 
 
 def test_a_status_that_cannot_be_written_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

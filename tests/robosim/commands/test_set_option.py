@@ -60,6 +60,8 @@ def test_settings_make_a_file_of_its_own_in_the_folder(tmp_path: Path) -> None:
     before = (tmp_path / "SpoonPour.yaml").read_text()
     assert main(["evaluate", str(tmp_path / "SpoonPour.yaml"), "--set", "steps=10", "--out", str(tmp_path)]) == 2
     assert (tmp_path / "SpoonPour.yaml").read_text() == before
+    assert main(["rehearse", "spoon", "--set", "robot=WRONG", "--out", str(tmp_path / "new")]) == 2
+    assert not (tmp_path / "new").exists()
     with changes.changed("tasks", "SpoonPour", None) as task:
         temporary = Path(task)
         assert temporary.is_file()

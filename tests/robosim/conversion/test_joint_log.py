@@ -98,3 +98,12 @@ def test_a_bag_with_two_arms_names_their_topics(tmp_path: Path) -> None:
     (tmp_path / "no_bag").mkdir()
     with pytest.raises(ConfigError, match=r"accepted: a \.csv file, or a bag"):
         read_joint_log(tmp_path / "no_bag", JOINTS)
+
+
+def test_cells_of_a_table_may_be_quoted(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text('"time_s", "q_a, left_rad"\n' + "".join(f'{k / 10},"{k}.5"\n' for k in range(12)))
+    assert read_joint_log(path, ["a, left"]).joints.values.ravel().tolist() == [k + 0.5 for k in range(12)]
+    path.write_text('"time_s","q_a\n1,2\n')
+    with pytest.raises(ConfigError, match=r"log.csv: cannot be read: "):
+        read_joint_log(path, ["a"])

@@ -11,7 +11,7 @@ import trimesh
 from own_meshes import BOWL_MM, HANDLE, HANDLE_MM, WALL_MM, half_sphere, ladle_keys, write_ladle
 
 from robosim.base.errors import ConfigError
-from robosim.base.resources import folder, tool_names
+from robosim.base.resources import folder, part_names
 from robosim.config.scene import RegionConfig
 from robosim.config.tool import HandleConfig, ToolConfig
 from robosim.scene.models import load_tool_model
@@ -110,7 +110,7 @@ def test_what_is_wrong_with_a_tool_is_said(tmp_path: Path) -> None:
         tool_shape(configure(tmp_path / "plate.stl", scale=1.0, handle={**HANDLE, "radius": 0.01}))
 
 
-@pytest.mark.parametrize("name", tool_names())
+@pytest.mark.parametrize("name", part_names("tools"))
 def test_the_mesh_files_are_up_to_date(name: str) -> None:
     """Each file of a bundled tool holds the mesh that its script makes; the bottle's makes the shaker's, too."""
     tools = folder("models") / "tools"
@@ -122,7 +122,7 @@ def test_the_mesh_files_are_up_to_date(name: str) -> None:
         assert np.array_equal(stored.faces, expected.faces)
 
 
-@pytest.mark.parametrize("name", tool_names())
+@pytest.mark.parametrize("name", part_names("tools"))
 def test_a_bundled_tool_is_its_meshes(name: str) -> None:
     """Mass, inertia and grip of its MJCF are those of its meshes. Along its normals its wall gets as thick as outward
     from what it holds, within a few microns, and what it holds stays."""
