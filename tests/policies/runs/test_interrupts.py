@@ -13,6 +13,8 @@ import stand_ins
 from result_files import check_files, find_unfinished, read_events, read_rows, read_status
 
 from policies.demonstrations import demo, generator, request
+from policies.demonstrations.demo import demonstrate
+from policies.learning.options import SearchOptions
 from policies.runs.checkpoint import Checkpoints
 from robosim.commands.main import main
 from robosim.rendering.video import Mp4Writer
@@ -102,6 +104,36 @@ def valley(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         monkeypatch.setattr(module, "make_environment", lambda task, **options: stand_ins.PointTask())
     monkeypatch.setenv("EVALUATIONS", str(tmp_path / "evaluations"))
     return tmp_path / "evaluations"
+
+
+@pytest.mark.parametrize("fails_at", [4, 6])
+def test_a_demonstration_on_a_full_disk_keeps_its_last_iteration(tmp_path: Path, valley: Path, fails_at: int,
+                                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk is full after three of five iterations, or at the end; the same command makes only those that are
+    missing, and ends with the same bits."""
+    options = SearchOptions(iterations=5, action_repeat=50)
+    demonstrate("SpoonTranslate", tmp_path / "whole", options, n=1, film=False)
+    out, original, calls = tmp_path / "full", np.savez, []
+
+    def savez(path: Path, **arrays: np.ndarray) -> None:
+        calls.append(path)
+        if len(calls) == fails_at:
+            Path(path).write_bytes(b"PK half of it")
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        original(path, **arrays)
+
+    monkeypatch.setattr(np, "savez", savez)
+    with pytest.raises(OSError, match="No space left"):
+        demonstrate("SpoonTranslate", out, options, n=1, film=False)
+    with np.load(out / "demonstration_0.unfinished.npz") as stored:
+        assert len(stored["losses"]) == fails_at - 1
+    assert not find_unfinished(out) and read_status(out) == "failed"
+    valley.write_text("")
+    demonstrate("SpoonTranslate", out, options, n=1, film=False)
+    assert len(valley.read_text()) == 5 - (fails_at - 1)
+    with np.load(tmp_path / "whole" / "demonstration_0.npz") as whole, np.load(out / "demonstration_0.npz") as stored:
+        assert all(np.array_equal(whole[key], stored[key]) for key in whole.files)
+    assert {path.name for path in out.glob("[!.]*")} == {path.name for path in (tmp_path / "whole").glob("[!.]*")}
 
 
 @pytest.mark.parametrize(("command", "writer"), [

@@ -1,6 +1,7 @@
 """The command: card, figures and page, exit status, continuation, and the field itself."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +122,28 @@ def test_heaps_are_calibrated_and_finished_runs_are_not_repeated(tmp_path, monke
     n = len(seeds)
     assert n == 2 * first["runs"] + 2 * 3 + run_module.SAMPLE_RUNS
     assert main(command) == 0 and len(seeds) == n and figures(tmp_path) == first
+
+
+def test_an_interrupted_search_continues_to_the_same_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, seeds = write_quick_heaps(tmp_path, monkeypatch)
+    command = ["calibrate", str(path), "--runs", "16", "--out", str(tmp_path / "out")]
+    simulate = experiment.simulate_heap
+
+    def fail(*arguments: Any) -> np.ndarray:
+        if len(seeds) == 17:
+            raise KeyboardInterrupt("SIGTERM")
+        return simulate(*arguments)
+
+    monkeypatch.setattr(experiment, "simulate_heap", fail)
+    assert main(command) == 130 and json.loads((tmp_path / "out" / "status.json").read_text())["state"] == "interrupted"
+    assert not (tmp_path / "out" / "index.html").exists()
+    assert len(list((tmp_path / "out" / "rows").glob("*.json"))) == 17
+    monkeypatch.setattr(experiment, "simulate_heap", simulate)
+    main(command)
+    continued, n = figures(tmp_path), len(seeds)
+    shutil.rmtree(tmp_path / "out" / "rows")
+    main(command)
+    assert len(seeds) - n == n and figures(tmp_path) == continued
 
 
 def test_an_experiment_that_could_be_made_is_ranked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
