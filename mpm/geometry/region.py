@@ -7,7 +7,6 @@ import numpy as np
 
 class Region(NamedTuple):
     """A box along the axes of its frame; with `round`, an upright cylinder with an elliptic base.
-
     half: half sizes [m] (3,); infinite ones leave the axis out."""
 
     centre: tuple[float, float, float]

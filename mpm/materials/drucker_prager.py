@@ -16,7 +16,6 @@ CONES = ("compression", "plane_strain")
 class DruckerPrager(Hencky):
     """Sand: Hencky elasticity inside a Drucker-Prager cone (Klar et al. 2016, ACM TOG 35(4):103), with the volume
     correction of Tampubolon et al. 2017 (TOG 36(4):105): stress-free expansion is reversed before pressure builds up.
-
     Raises InvalidValue for numbers out of range, UnknownName for another cone."""
 
     friction_angle_deg: float

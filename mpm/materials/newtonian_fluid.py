@@ -14,7 +14,6 @@ RATES = ("particle", "cell")
 @dataclass(frozen=True, kw_only=True)
 class NewtonianFluid:
     """Newtonian fluid: tau = bulk_modulus (J - 1) J I + 2 viscosity J dev(D), D the rate of deformation [1/s].
-
     Raises InvalidValue for arguments out of range, UnknownName for a volume_rate that is not in RATES."""
 
     bulk_modulus: float

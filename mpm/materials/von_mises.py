@@ -12,7 +12,6 @@ from mpm.materials.yield_surface import TINY, yielding_share
 @dataclass(frozen=True, kw_only=True)
 class VonMises(Hencky):
     """Clay: Hencky elasticity up to |dev tau| = sqrt(2/3) yield_stress, then plastic flow at constant volume.
-
     Raises InvalidValue for a number out of range."""
 
     yield_stress: float

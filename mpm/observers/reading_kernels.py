@@ -117,7 +117,6 @@ class SampleKernel:
 
 class Sample:
     """Reads positions and velocities of chosen particles: on request, or after `Solver.attach` at the end of advances.
-
     chosen: indices (n,)."""
 
     def __init__(self, solver: Any, chosen: np.ndarray) -> None:

@@ -83,7 +83,6 @@ class Counting:
 
 class RegionCounter:
     """Counts the particles of a solver in regions, near a collider and out of bounds.
-
     counted: indices of the counted particles. counting: the fields of `Counting`. After `Solver.attach` it is evaluated
     within advances."""
 

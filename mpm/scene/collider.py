@@ -18,7 +18,6 @@ OBLIQUE = 0.7
 @dataclass(frozen=True, eq=False)
 class Collider:
     """A solid or a thin shell with Coulomb friction.
-
     Raises InvalidValue for a negative friction, for what is neither a shape nor a shell, for a pose that is not finite,
     for a collider that is static and mobile, or a static shell, and for orifices that are not in its shell."""
 

@@ -19,7 +19,6 @@ from robosim.scene.grasp import Grasp, put_tool
 
 class Cell:
     """A robot and grains, which a command of the joints moves together; `couple` gives it its grains.
-
     q: joint angles at the start (n,) [rad]. containers: names of the containers' bodies. gains: of the servo; None: the
     arm's own. stand: world pose of a tool that the hand does not hold yet. Raises ConfigError for a time step that is
     too long for the gains."""

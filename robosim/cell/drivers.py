@@ -37,7 +37,6 @@ class RobotState(NamedTuple):
 
 class MotionDriver:
     """Commands a motion of the joints, planned or recorded, after the fingers have closed.
-
     start: simulated time [s] at which the motion begins. latency: by which commands arrive late [s]."""
 
     name = "plan"

@@ -14,7 +14,6 @@ from robosim.scene.frames import body_pose
 
 class CoupledBodies:
     """Bodies of a MuJoCo scene with their colliders in a solver.
-
     bodies: body name -> index of its collider, or None for a new collider made of the body's geoms. is_mobile: whether
     contact moves the bodies within a substep ("mobility"). New and changed colliders are handed to the solver. Raises
     ConfigError for bodies that lie outside the grid, or whose geoms make no collider."""

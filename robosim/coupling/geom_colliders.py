@@ -18,7 +18,6 @@ MESH_CELLS = 0.2
 def make_collider(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: float,
                   excluded: frozenset[int] = frozenset()) -> mpm.Collider:
     """Make a collider in a body's frame, of its geoms and those of bodies fixed to it.
-
     Colliding geoms count, or all geoms if none collides: visual geoms are left out. excluded: bodies with colliders of
     their own. cell: the grid's spacing [m], to which meshes are sampled. Friction is the largest sliding friction of
     the geoms. A body fixed to the world becomes a static collider. Raises ConfigError for what makes no collider."""

@@ -81,7 +81,6 @@ class MobilityProbe:
 
     def correct_poses(self, poses: dict[int, mpm.Pose]) -> None:
         """Move bodies to nearby poses and keep their twists.
-
         poses: index among the trial's bodies -> world pose. The displacement is one that impulses on these bodies would
         cause, so constraints hold and connected bodies follow. MuJoCo moves a body over the whole step with the
         velocity at its end, whenever in the step an impulse acted; the solver knows the true end."""

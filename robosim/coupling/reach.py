@@ -20,7 +20,6 @@ RENEWAL = 2.0
 
 class Reach:
     """The clearance of the bodies that MuJoCo moves from all grains, measured anew only when it may have been spent.
-
     A clearance changes by what the body has moved since, which poses tell, and by what the fastest grain has travelled.
     park: leaves the bodies' colliders in the solver where the bodies are, at rest, while none is in reach."""
 

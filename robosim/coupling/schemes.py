@@ -46,7 +46,6 @@ class ExplicitScheme:
 
 class MobilityScheme(ExplicitScheme):
     """Prediction of the bodies' free motion and mobility.
-
     The solver solves contact and the bodies' motion together. tolerance: share of a body's change of velocity by grains
     by which MuJoCo's step may differ from the solver's solution before the step is repeated; None: never."""
 

@@ -28,7 +28,6 @@ def disable_control_callback() -> Iterator[None]:
 
 class TrialStep:
     """One `mj_step` that can be tried before it is accepted; bodies: MuJoCo indices of the coupled bodies.
-
     A step is `begin` (positions and velocities), any number of trials, and `finish`. A Runge-Kutta or discrete step
     calls the user's control callback in `finish`, as often as `mj_step` does; its trials use the last controls."""
 

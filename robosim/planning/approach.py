@@ -1,5 +1,4 @@
 """The motion from the arm's home to the start of a path, around what stands in its way.
-
 Straight in joint space where that is free; elsewhere by two trees that grow towards each other (RRT-Connect: Kuffner
 and LaValle 2000), whose route is then cut short. The arm rests at each corner of the route."""
 

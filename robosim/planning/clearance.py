@@ -1,5 +1,4 @@
 """Distances of a robot from its surroundings, and between its own parts: in a posture, along a path, and in a dose.
-
 Collision shapes are those of the scene's model; meshes count as their convex hulls. Pinocchio places them, Coal finds
 the distances. What hangs at the wrist may touch itself: the hand holds the tool."""
 
@@ -69,7 +68,6 @@ FAR = Nearest(np.inf, ("", ""))
 
 class RobotClearance:
     """Clearances of arm, hand and tool in a scene.
-
     The tool's distance from containers is that of `ContainerSurface`. standing: world pose of a tool that the hand does
     not hold, and keeps clear of; None: it holds it."""
 
@@ -179,7 +177,6 @@ class RobotClearance:
 
 class Clearances:
     """Distances in a rehearsal: of the robot from all else, and of the tool that it holds from containers.
-
     is_standing: whether a tool that is picked up still stands in its place."""
 
     def __init__(self, config: RehearsalConfig, arm: Arm, *, is_standing: bool = False) -> None:

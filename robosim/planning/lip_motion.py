@@ -18,7 +18,6 @@ ASIDE = 0.05
 
 class LipMotion:
     """Tool poses under commands of a dosing controller, in world axes.
-
     start: pose of the level tool. lip: its lip in its own frame [m] (3,). goal: place of the lip while it pours [m]
     (3,). largest_tilt: [rad]; commands beyond it, or below level, have no effect, nor have those that lead the lip out
     of the box around its start and the goal. axis: along which it vibrates, in its frame."""

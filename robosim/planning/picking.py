@@ -13,7 +13,6 @@ SETTLING = 0.2
 
 def add_picking(config: RehearsalConfig, assembly: Assembly) -> RehearsalConfig:
     """Return a configuration whose hand comes from a distance to the first waypoint, and rests there while it closes.
-
     The tool of the approach's waypoint is where it would be in the hand: it stands at the first waypoint all the while.
     Where it is set down, the hand rests at the last waypoint while it opens, and goes back. Unchanged where nothing is
     picked."""

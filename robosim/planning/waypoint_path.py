@@ -74,7 +74,6 @@ class Corner(NamedTuple):
 
 class WaypointPath:
     """Tool poses over time through all waypoints of a rehearsal, in world axes.
-
     Raises ConfigError where corners overlap, or are cut too much inside a container."""
 
     LEAST_SLOWDOWN = 1.02

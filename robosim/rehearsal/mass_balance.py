@@ -17,7 +17,6 @@ def compute_ratio(value: float, reference: float) -> float | None:
 
 def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, float | None]:
     """Compute where the material is as fractions of the scooped mass; positions [m] (n, 3): of the grains at the end.
-
     delivered, returned and retained count the grains that were in the tool when it was weighed, or all grains where
     nothing is weighed. spilled counts every grain outside containers, area and tool, also those spilled while scooping.
     """

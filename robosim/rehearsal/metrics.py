@@ -215,7 +215,6 @@ def compute_tracking_errors(run: RehearsalRun) -> np.ndarray:
 
 def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
     """Compute the largest deviations [m] of the tool's origin and of its farthest point from where they should pass.
-
     Everywhere from the path as it is commanded, with its rounded corners; inside containers, beside that, from the
     waypoints' screws. Each is compared with the path about the same time. The latter figure is None where the tool was
     in no container."""

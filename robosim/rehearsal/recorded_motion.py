@@ -36,7 +36,6 @@ KEPT_AFTER = 1.0
 
 class RecordedMotion:
     """Recorded joint angles as a motion, which the servo is given in place of the planned one.
-
     log: of the arm; planned: the motion that it is compared with, from whose start time counts. Raises ConfigError
     for angles beyond the joints' limits, and for a recording of something else."""
 

@@ -80,7 +80,6 @@ AS_PLANNED = RunOptions()
 
 class Rehearsal:
     """A whole-arm rehearsal.
-
     config: name of one of configs/rehearsals, path of a .yaml file, or a configuration. changes: keys of the file with
     other values. Raises ConfigError, UnknownName before any work."""
 

@@ -16,7 +16,6 @@ CAPACITY = 1000
 
 class StepRecord:
     """Numbers of the latest steps of a cell, in memory that is used again.
-
     motion: planned or recorded, whose tool poses are the commanded ones where a step has a time of it."""
 
     def __init__(self, cell: Cell, arm: Arm, motion: JointMotion) -> None:

@@ -18,7 +18,6 @@ from robosim.viewer.playback import PERIOD, Playback
 
 class PlanEditor:
     """Plans a rehearsal's motion, shows it, and plans it again when waypoints were dragged.
-
     Raises ConfigError for a file that cannot be used; a motion that cannot be planned is explained on the page."""
 
     def __init__(self, name: str, settings: list[Setting]) -> None:
