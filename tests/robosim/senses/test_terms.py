@@ -191,9 +191,9 @@ def test_starts_do_not_depend_on_what_is_observed():
 
 
 @pytest.mark.parametrize("obs, message", [
-    (["foo"], "valid: depth, goal, grains"), ({"latency": 0.1}, "with a list of terms"),
+    (["foo"], "valid: depth, goal, goal_frame, grains"), ({"latency": 0.1}, "with a list of terms"),
     (["tool", "tool"], 'another "key"'),
-    (["joints"], "needs arm = True; .*grains"), ("foo", "list of terms"),
+    (["joints"], "needs arm = True; .*grains"), ("foo", "or a list of grains"),
     (["scale"], "a target on the table"), ([{"name": "depth", "camera": "zz"}], "valid: close, overview, side, task"),
     ([{"name": "depth", "wdth": 3}], "valid: camera, dropout"), ([{"name": "depth", "width": 0}], "1 to 2048"),
     ([{"name": "tool", "latency": -1}], "0 to 10"), ([7], "unknown term"), ([], "a list of 1 to 32 terms"),
