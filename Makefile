@@ -17,7 +17,7 @@ HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.s
 
 VERSION := "import sys; print('%d.%d' % sys.version_info[:2])"
 
-.PHONY: rehearse test test-slow newest lint docs site constraints meshes clean gl interpreter
+.PHONY: rehearse test test-slow newest versions lint docs site constraints meshes clean gl interpreter
 .DEFAULT_GOAL := rehearse
 
 rehearse: $(VENV)/.run gl
@@ -35,12 +35,26 @@ test-slow: $(VENV)/.test
 	$(PYTEST) -m slow
 
 # A part of the tests with the newest releases that pyproject.toml allows, in an environment of its own: whether a bound or
-# a constraint can be raised. make newest PYTHON=python3.13
+# a constraint can be raised. make newest PYTHON=python3.13; MUJOCO names a release in their place, as 4.*: pip then says
+# where pyproject.toml does not allow it. One job for each interpreter and for MuJoCo's old and new releases:
+# make versions, or make newest-python3.12, make newest-mujoco-4
+NEWEST := $(VENV)-newest
 newest:
-	$(PYTHON) -m venv $(VENV)-newest
-	$(VENV)-newest/bin/python -m pip install -q --upgrade -e ".[test,learn]"
-	$(VENV)-newest/bin/python -m pip list | grep -i -E "^(mujoco|gymnasium|stable|numpy|pin|scipy|torch|trimesh) "
-	$(VENV)-newest/bin/python -m pytest -m "not slow" $(addprefix tests/robosim/,coupling robot scene envs)
+	$(PYTHON) -m venv $(NEWEST)
+	$(NEWEST)/bin/python -m pip install -q --upgrade -e ".[test,learn]"
+	[ -z "$(MUJOCO)" ] || { $(NEWEST)/bin/python -m pip uninstall -q -y mujoco mujoco-core mujoco-studio; \
+		$(NEWEST)/bin/python -m pip install -q "mujoco==$(MUJOCO)"; }
+	$(NEWEST)/bin/python -m pip list | grep -i -E "^(mujoco|gymnasium|stable_baselines3|numpy|pin|scipy|torch|trimesh) "
+	$(NEWEST)/bin/python -m pytest -m "not slow" $(addprefix tests/robosim/,coupling robot scene envs)
+
+VERSIONS := newest-python3.11 newest-python3.12 newest-python3.13 newest-mujoco-3.17 newest-mujoco-4
+versions: $(VERSIONS)
+
+newest-python%:
+	$(MAKE) newest PYTHON=python$*
+
+newest-mujoco-%:
+	$(MAKE) newest NEWEST=$(VENV)-mujoco-$* MUJOCO="$*.*"
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .

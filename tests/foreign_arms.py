@@ -10,11 +10,14 @@ import yaml
 ARMS: dict[str, dict[str, Any]] = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text())
 
 
+def find_model(model: str) -> str | None:
+    """Return a model's path in the folder ROBOSIM_ARMS or an installed package; None without the package."""
+    files = (Path(folder, model).resolve() for folder in (os.environ.get("ROBOSIM_ARMS"), *sys.path) if folder)
+    return next((str(file) for file in files if file.is_file()), None)
+
+
 def find_arm(name: str) -> dict[str, Any] | None:
-    """Return `robot` of a rehearsal, from the folder ROBOSIM_ARMS or an installed package; None without the package."""
-    arm = ARMS[name]
-    for folder in (os.environ.get("ROBOSIM_ARMS"), *sys.path):
-        if folder and (file := Path(folder, arm["model"]).resolve()).is_file():
-            return {key: value for key, value in arm.items() if key in ("flange", "limits", "base")} | {
-                "model": str(file)}
-    return None
+    """Return `robot` of a rehearsal; None without its package."""
+    arm, file = ARMS[name], find_model(ARMS[name]["model"])
+    return None if file is None else {key: arm[key] for key in arm if key in ("flange", "limits", "base")} | {
+        "model": file}

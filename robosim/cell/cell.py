@@ -20,18 +20,18 @@ from robosim.scene.grasp import Grasp, put_tool
 class Cell:
     """A robot and grains, which a command of the joints moves together; `couple` gives it its grains.
     q: joint angles at the start (n,) [rad]. containers: names of the containers' bodies. gains: of the servo; None: the
-    arm's own. stand: world pose of a tool that the hand does not hold yet. Raises ConfigError for a time step that is
-    too long for the gains."""
+    arm's own. stand: world pose of a tool that the hand does not hold yet. tip: as of `Grasp`. Raises ConfigError for a
+    time step that is too long for the gains."""
 
     def __init__(self, scene: Scene, arm: Arm, q: np.ndarray, containers: Collection[str], *,
-                 gains: Gains | None = None, stand: mpm.Pose | None = None) -> None:
+                 gains: Gains | None = None, stand: mpm.Pose | None = None, tip: np.ndarray | None = None) -> None:
         self.scene, self.arm = scene, arm
         self.model, self.data = scene.model, mujoco.MjData(scene.model)
         self.data.qpos[scene.arm_qpos] = q
         if stand is not None:
             put_tool(scene, self.data, stand)
         mujoco.mj_forward(self.model, self.data)
-        self.grasp = Grasp(scene, self.data)
+        self.grasp = Grasp(scene, self.data, tip)
         dt = self.model.opt.timestep
         self.servo = Servo(arm, gains or arm.gains(dt), dt)
         self.servo.check_step(self.model, self.data, scene.arm_dofs)

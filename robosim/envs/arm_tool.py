@@ -30,7 +30,7 @@ from robosim.tasks.task import TaskConfig
 
 IIWA = "iiwa14"
 """The arm where none is named."""
-GRASP_TIME = 0.5
+GRASP_TIME = 1.0
 """Time [s] for the fingers to close before an episode."""
 PATH_POSES = 61
 """Poses of the task's script that the arm must be able to follow from its start."""

@@ -28,6 +28,9 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
     bounds = get_bounds(config)
     page.set_verdict("every bound held" if not missed else f"{len(missed)} of {len(bounds)} bounds missed: "
                      + "; ".join(missed), holds=not missed)
+    if run.cell.grasp.is_by_friction:
+        page.add_text(f"In the hand the {config.tool_name} moved by at most {1e3 * figures['grasp_slip_m']:.2f} mm at "
+                      f"its grip and tip, and turned by {figures['grasp_slip_deg']:.2f} deg.")
     film = folder / "rehearsal.mp4"
     if film.is_file():
         page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states")

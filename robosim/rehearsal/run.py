@@ -29,6 +29,7 @@ from robosim.scene.container_clearance import monitor_containers
 from robosim.scene.field import TOOL, FieldOptions, build_field
 from robosim.scene.grains import is_at_border, is_in_container, is_in_tool
 from robosim.scene.grasp import CLOSING_SHARE
+from robosim.shapes import tool_shape
 
 GRAIN_SAMPLE_INTERVAL = 10
 """Steps between readings that need all grains' positions."""
@@ -242,4 +243,4 @@ def make_cell(config: RehearsalConfig, arm: Arm, q: np.ndarray, errors: ModelErr
         errors.change_model(scene.model, scene.wrist, scene.arm_dofs)
     gains = arm.gains(config.host_dt, config.servo)
     return Cell(scene, arm, q, config.containers, gains=gains if errors is None else errors.change_gains(gains),
-                stand=config.standing_pose)
+                stand=config.standing_pose, tip=tool_shape(config.tool).tip)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.base.errors import ConfigError
 from robosim.robot.assembly import HAND_PREFIX, Assembly
+from robosim.robot.mjspec import body_ids_below
 from robosim.scene.compiled import Scene
 from robosim.scene.frames import body_pose
 
@@ -24,8 +25,9 @@ def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly, stand: mpm.Pose
     The joints lie between palm and tool. As a free body of the world the tool would creep by 1 mm in a second while the
     arm moves, as MuJoCo's contacts neglect the rate of their Jacobian, the hand's centripetal acceleration. A stiff
     weld holds the tool until `Grasp.release`: to the palm, or where it stands in the world. Contact uses the elliptic
-    cone with stiff friction: under the pyramidal cone a held tool creeps. Raises ConfigError for a tool that is bolted
-    to the flange."""
+    cone: under the pyramidal one a held tool creeps. Its friction is 100 times as stiff as the pads, as a load makes
+    soft friction creep: at 20 times by 8 um/s at the lip of a filled spoon. Raises ConfigError for a tool that is
+    bolted to the flange."""
     if assembly.hand is None or assembly.tool is None:
         raise ConfigError("grasp: friction with gripper: none; accepted: grasp: weld, or a gripper")
     body = spec.body(assembly.tool.name)
@@ -44,7 +46,7 @@ def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly, stand: mpm.Pose
                       solref=[0.004, 1.0], solimp=[0.999, 0.9999, 0.001, 0.5, 2.0],
                       data=[0.0, 0.0, 0.0, *place, 1.0, 0.0])
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 20.0
+    spec.option.impratio = 100.0
 
 
 def put_tool(scene: Scene, data: mujoco.MjData, pose: mpm.Pose) -> None:
@@ -58,9 +60,10 @@ def put_tool(scene: Scene, data: mujoco.MjData, pose: mpm.Pose) -> None:
 
 
 class Grasp:
-    """The tool in the hand and its slip; for a fixed tool the slip stays zero."""
+    """The tool in the hand and its slip; for a fixed tool the slip stays zero.
+    tip: point (3,) [m] of the tool's frame whose slip counts as the grip's does; None: the grip's alone."""
 
-    def __init__(self, scene: Scene, data: mujoco.MjData) -> None:
+    def __init__(self, scene: Scene, data: mujoco.MjData, tip: np.ndarray | None = None) -> None:
         self._model, self._data, self._tool, self._palm = scene.model, data, scene.tool, scene.wrist
         self.is_by_friction = bool(scene.model.body_jntnum[scene.tool])
         """Whether the tool can slip."""
@@ -70,13 +73,15 @@ class Grasp:
         self._open = np.array([commands[name] for name in commands])
         self._way = np.array([hand.closed[name] - commands[name] for name in commands] if hand else [])
         self._squeeze = np.inf if hand is None or hand.squeeze is None else hand.squeeze
-        self._grip = np.zeros(3) if tool is None else scene.model.site(tool.grip).pos
+        grip = np.zeros(3) if tool is None else scene.model.site(tool.grip).pos
+        self._points = np.stack([grip, grip if tip is None else tip])
+        self._holding = np.setdiff1d(body_ids_below(scene.model, scene.wrist), body_ids_below(scene.model, scene.tool))
         self._data.ctrl[self._fingers] = self._open
         self._pose_at_release: mpm.Pose | None = None
         self.slip = 0.0
-        """Largest displacement [m] of the handle in the fingers since the release."""
+        """Largest displacement [m] of the grip, or of the tip, in the hand since the release."""
         self.slip_angle = 0.0
-        """Largest rotation [rad] of the handle in the fingers since the release."""
+        """Largest rotation [rad] of the tool in the hand since the release."""
 
     @property
     def is_released(self) -> bool:
@@ -95,10 +100,17 @@ class Grasp:
         self._data.ctrl[self._fingers] = self._open + progress * self._way
 
     def release(self) -> None:
-        """Switch the weld to the palm off: from now on the fingers alone hold the tool."""
+        """Switch the weld to the palm off: from now on the fingers alone hold the tool.
+        Raises ConfigError where fewer than two parts of the hand touch it: it would drop."""
         if self.is_by_friction and not self.is_released:
+            touching = self._model.geom_bodyid[self._data.contact.geom]
+            touching = touching[(touching == self._tool).any(1)]
+            if len(np.intersect1d(touching, self._holding)) < 2:
+                tool = self._model.body(self._tool).name
+                raise ConfigError(f"grasp: friction: the hand has not closed on {tool} when it should carry it; "
+                                  f"accepted: a longer grasp_time, or a handle within its reach")
             self._data.eq_active[self._model.equality(HOLDER).id] = 0
-            self._pose_at_release = self._grip_in_palm()
+            self._pose_at_release = self._pose_in_palm()
 
     def open(self, progress: float) -> None:
         """Command the fingers from closed (0) to open (1), and measure no slip from now on."""
@@ -110,7 +122,7 @@ class Grasp:
         """Measure slip from the present pose on, after the scene was set to another state."""
         self.slip = self.slip_angle = 0.0
         if self._pose_at_release is not None:
-            self._pose_at_release = self._grip_in_palm()
+            self._pose_at_release = self._pose_in_palm()
 
     def state(self) -> dict[str, Any]:
         """Return the pose at the release, None before it, and the slip since."""
@@ -126,13 +138,13 @@ class Grasp:
 
     def measure_slip(self) -> None:
         """Update `slip` and `slip_angle` with the present pose."""
-        if self._pose_at_release is not None:
-            now = self._grip_in_palm()
-            self.slip = max(self.slip, float(np.linalg.norm(now.position - self._pose_at_release.position)))
-            rotation = Rotation.from_matrix(now.matrix @ self._pose_at_release.matrix.T)
+        if (before := self._pose_at_release) is not None:
+            now = self._pose_in_palm()
+            moved = now.apply(self._points) - before.apply(self._points)
+            self.slip = max(self.slip, float(np.linalg.norm(moved, axis=1).max()))
+            rotation = Rotation.from_matrix(now.matrix @ before.matrix.T)
             self.slip_angle = max(self.slip_angle, float(rotation.magnitude()))
 
-    def _grip_in_palm(self) -> mpm.Pose:
-        """Pose of the handle's grip site, which the fingers hold, in the palm's frame."""
-        T_pt = body_pose(self._data, self._palm).inverse() @ body_pose(self._data, self._tool)
-        return mpm.Pose(T_pt.position + T_pt.matrix @ self._grip, T_pt.quaternion)
+    def _pose_in_palm(self) -> mpm.Pose:
+        """Pose of the tool in the palm's frame."""
+        return body_pose(self._data, self._palm).inverse() @ body_pose(self._data, self._tool)

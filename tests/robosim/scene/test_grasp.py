@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from bundled import rehearsal
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.dosing.vibration import Vibration
 from robosim.rehearsal.run import make_cell
 from robosim.robot.joint_control import TorqueSensors
 from robosim.robot.model import Arm
@@ -14,6 +16,7 @@ from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 from robosim.scene.compiled import Scene
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp
+from robosim.shapes import tool_shape
 
 POSTURE = np.array([-0.9, 0.7, 0.45, -1.75, -0.78, -0.83, 1.8])
 
@@ -51,7 +54,42 @@ def test_tool_held_by_friction_does_not_creep_while_the_arm_moves(name: str) -> 
     assert settled < 0.0015
     _, data, grasp, _ = hold(config, np.zeros(3), 3.2, swing=0.3)  # ends in the middle of a swing, at speed
     assert grasp.is_released and np.abs(data.qvel).max() > 0.1
-    assert grasp.slip - settled < 0.0003
+    assert grasp.slip - settled < 0.0006  # at the tip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gripper", ["robotiq_3f", "parallel_jaw"])
+def test_a_filled_spoon_is_held_for_two_minutes_and_shaken(gripper: str) -> None:
+    """50 g in the bowl, shaken as `dose_spoon` does: the lip stays within 2 mm in the hand, and does not creep on."""
+    config = rehearsal("dose_spoon", grasp="friction", gripper=gripper)
+    arm = Arm(assemble_rehearsal(config))
+    cell = make_cell(config, arm, POSTURE)
+    scene, data, grasp = cell.scene, cell.data, cell.grasp
+    vibration, level = Vibration("y"), arm.tool_pose(POSTURE)
+    q, slips, load = POSTURE, [], np.array([0.0, 0.0, -0.05 * 9.81])
+    to_joints, bowl = np.linalg.pinv(arm.jacobian(POSTURE)[:3]) @ level.matrix.T, 0.85 * tool_shape(config.tool).tip
+    while data.time < 121.0:
+        before = q
+        if data.time < 0.8:
+            grasp.close(min(data.time / 0.6, 1.0))
+        else:
+            grasp.release()
+            q = POSTURE + to_joints @ (vibration.shake(level, config.host_dt, 0.0005, 30.0).position - level.position)
+            arm_of_load = body_pose(data, scene.tool).apply(bowl[None])[0] - data.xipos[scene.tool]
+            data.xfrc_applied[scene.tool] = np.concatenate([load, np.cross(arm_of_load, load)])
+        cell.command(JointState(q, (q - before) / config.host_dt, np.zeros(7)))
+        mujoco.mj_step(scene.model, data)
+        mujoco.mj_kinematics(scene.model, data)
+        grasp.measure_slip()
+        slips.append(grasp.slip)
+    assert 1e-5 < slips[-1] < 0.002
+    assert slips[-1] - slips[len(slips) // 2] < 0.0005
+
+
+def test_a_hand_that_has_not_closed_is_refused() -> None:
+    """The jaws need 0.6 s for the handle's thickness; the spoon fell by 16 mm into them after 0.5 s."""
+    with pytest.raises(ConfigError, match="has not closed on spoon when .*; accepted: a longer grasp_time"):
+        hold(rehearsal("spoon", grasp="friction", gripper="parallel_jaw"), np.zeros(3), 0.6)
 
 
 def test_contact_is_as_stiff_as_the_pads() -> None:
