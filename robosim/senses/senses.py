@@ -19,13 +19,13 @@ ROUNDING = 1e-9
 """Tolerance [s] of times that are sums of steps."""
 TERMS = {
     "grains": "grains.GrainsTerm", "goal_frame": "grains.GoalFrameTerm",
-    "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
+    "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm", "pending": "motion.PendingTerm",
     "joints": "arm.JointsTerm", "torques": "arm.TorquesTerm", "wrist": "arm.WristTerm", "scale": "scale.ScaleTerm",
     "height_map": "height_map.HeightMapTerm", "depth": "pictures.DepthTerm", "rgb": "pictures.RgbTerm",
     "point_cloud": "pictures.PointCloudTerm", "target": "motion.TargetTerm",
 }
 """Name -> class in robosim.senses, imported when it is chosen: cameras need MuJoCo, an environment does not."""
-NOT_DELAYED = ("grains", "time", "goal", "target")
+NOT_DELAYED = ("grains", "time", "goal", "target", "pending")
 """Terms that an environment's own latency, noise and dropout leave as they are; options of their own hold."""
 MOST_TERMS = 32
 

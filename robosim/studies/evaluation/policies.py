@@ -45,7 +45,7 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
         return ScriptedPolicy(env, knows=name == KNOWING)
     if name in CONTROLLERS:
         return DosingPolicy(name, env)
-    if name == "learned":
+    if name == "recorded":
         bundled = bundled_motion(env.TASK)
         return ReplayPolicy(bundled, load_policy(bundled), env)
     if Path(name).is_file():
@@ -58,7 +58,7 @@ def bundled_motion(task: str) -> Path:
     """Return the file of a task's bundled motion; raises ConfigError where there is none."""
     path = trained(task)
     if path is None:
-        raise ConfigError(f"policy 'learned': there is no bundled motion for {task or 'this task'}; `robosim train` "
+        raise ConfigError(f"policy 'recorded': there is no bundled motion for {task or 'this task'}; `robosim train` "
                           f"learns one, give its .npz file")
     return path
 

@@ -27,7 +27,7 @@ from robosim.studies.evaluation.suites import begin_episode, make_environment, p
 from robosim.tasks.task import TaskConfig, load_task
 
 STILL = "zero"
-COMPARED = (KNOWING, "learned", "scripted", STILL)
+COMPARED = (KNOWING, "recorded", "scripted", STILL)
 """Policies whose episodes stand beside those of the policy that is scored; in dosing tasks the controllers do."""
 SCORES = ("normalised", "tcs")
 """Figures with an interquartile mean. normalised: share of the way from no motion (0) to the cap of the start (1)."""
@@ -56,7 +56,7 @@ def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None
         files |= find_policies(name)
     starts = plan_starts(suite, config, episodes or 50, material)
     files |= {other: [other] for other in compared(config) if not alone and [other] not in files.values()
-              and (other != "learned" or trained(task_name(task)) is not None)}
+              and (other != "recorded" or trained(task_name(task)) is not None)}
     files = {label: [policy_file(policy, task) for policy in policies] for label, policies in files.items()}
     for policy in chain(*files.values()):
         check_task(policy, config, changed)
@@ -117,9 +117,9 @@ def find_policies(name: str) -> dict[str, list[str]]:
 
 
 def policy_file(name: str, task: str) -> str:
-    """Return a policy's name or file, that of the bundled motion for "learned".
+    """Return a policy's name or file, that of the bundled motion for "recorded".
     Raises ConfigError for a file of another task, or where there is no bundled motion."""
-    if name == "learned":
+    if name == "recorded":
         return str(bundled_motion(task_name(task)))
     if Path(name).is_file():
         made_for = load_policy(Path(name)).text("task", "")

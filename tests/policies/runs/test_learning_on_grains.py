@@ -61,7 +61,7 @@ def test_a_policy_learns_to_carry_grains(tmp_path):
 def test_a_policy_that_sees_the_target_beats_the_recording_where_targets_move(tmp_path):
     """ShovelMove on `wide`: held-out starts in pairs, by Wilcoxon's test."""
     assert train("dagger", "ShovelMove", tmp_path, TrainingOptions(randomize="wide", evaluate_every=25)) == 0
-    policies = [str(tmp_path / "best_policy.npz"), "learned"]
+    policies = [str(tmp_path / "best_policy.npz"), "recorded"]
     assert evaluate_suite("ShovelMove", policies, "wide", tmp_path / "judged", episodes=50, alone=True) == 0
     rows = list(csv.DictReader((tmp_path / "judged" / "evaluation.csv").read_text().splitlines()))
     learned, recorded = np.array([float(row["tcs"]) for row in rows]).reshape(2, 50)
