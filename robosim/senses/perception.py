@@ -86,6 +86,11 @@ class Perception:
         return own if not self._privileged else [own, describe(self._privileged)]
 
     @property
+    def names(self) -> str:
+        """The layout, or the terms separated by commas, as `observation_options` reads them."""
+        return self._layout or ",".join(choice.key for choice in self._choices)
+
+    @property
     def domains(self) -> dict[str, tuple[float, float]]:
         """Numbers of sensors that episodes may draw, "key.option", with their lowest and highest values."""
         return {f"{choice.key}.{name}": pair for choice in ([] if self._layout else self._choices)

@@ -190,12 +190,16 @@ class Senses:
             channel.term.close()
 
 
+def valid_terms(scene: SenseScene) -> list[str]:
+    """Return the names of the terms that a scene has all for."""
+    return [name for name in TERMS if not find_term(name).missing(scene)]
+
+
 def build_term(scene: SenseScene, choice: Choice) -> Term:
     """Build a term for a scene; raises ConfigError for one that needs what there is not, and for unknown options."""
     name, missing = choice.kind.name, choice.kind.missing(scene)
     if missing:
-        valid = [name for name in TERMS if not find_term(name).missing(scene)]
-        raise ConfigError(f"obs: {name!r} needs {missing}; accepted here: {', '.join(valid)}")
+        raise ConfigError(f"obs: {name!r} needs {missing}; accepted here: {', '.join(valid_terms(scene))}")
     accepted = accepted_options(choice.kind)
     for option in choice.options:
         if option not in accepted:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from robosim.base.input_files import differing_entries
 from robosim.base.resources import trained
 from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
-from robosim.senses.perception import observation_options
+from robosim.senses.perception import Layout, observation_options
+from robosim.senses.senses import valid_terms
+from robosim.senses.term import SenseScene
 from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
 from robosim.tasks.actions import move_pose
@@ -93,11 +95,20 @@ def load_policy(path: Path) -> StoredArrays:
     return arrays
 
 
-def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> None:
-    """Raise ConfigError where a network's file was learned on another task, or on another version of it.
+def check_task(name: str, task: TaskConfig, changed: Collection[str] = (), arm: Any = None) -> None:
+    """Raise ConfigError where a network's file was learned on another task, or on another version of it, or observes
+    terms that the task's environment does not have. arm: None without one.
     changed: top-level keys of the task's file that were changed on purpose."""
     arrays = load_policy(Path(name)) if Path(name).is_file() else StoredArrays(Path(name), {})
-    if "weight_0" not in arrays or "task_table" not in arrays:
+    if "weight_0" not in arrays:
+        return
+    terms, nothing = arrays.text("obs", "flat").split(","), None
+    valid = valid_terms(SenseScene(task, nothing, nothing, arm))  # pyright: ignore[reportArgumentType]
+    lacking = [one for one in terms if one not in valid]
+    if lacking and terms[0] not in get_args(Layout):
+        raise ConfigError(f"policy {name}: observes {', '.join(terms)}; this environment has no {', '.join(lacking)}; "
+                          f"it has {', '.join(valid)}")
+    if "task_table" not in arrays:
         return
     try:
         learned = json.loads(arrays.text("task_table", ""))
@@ -192,11 +203,14 @@ class NetworkPolicy:
             self._bound = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(arrays["bound"])]
         except KeyError as error:
             raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
+        given, own = arrays.text("obs", ""), env.world.observer.names
+        if given not in ("", own):
+            raise ConfigError(f"{path}: observes {given}; this environment observes {own}")
         inputs, outputs = _check_chain(path, [(W, b) for W, b, _ in self._layers])
         if env.observation_space.shape != (inputs,) or outputs != env.task.action.size:
-            raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes "
-                              f"{env.observation_space.shape} and takes {env.task.action.size}; the network was "
-                              f"learned with obs={arrays.get('obs', '?')} for {arrays.get('task', '?')}")
+            raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes {own}, "
+                              f"{env.observation_space.shape}, and takes {env.task.action.size}; the network was "
+                              f"learned for {arrays.get('task', '?')}")
         if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")

@@ -23,7 +23,7 @@ from robosim.episode.play import play, read_scores
 from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.page import make_suite_page
 from robosim.studies.evaluation.policies import bundled_motion, check_task, load_policy, make_policy, training_options
-from robosim.studies.evaluation.suites import begin_episode, make_environment, plan_starts
+from robosim.studies.evaluation.suites import Start, begin_episode, make_environment, plan_starts
 from robosim.tasks.task import TaskConfig, load_task
 
 STILL = "zero"
@@ -58,20 +58,30 @@ def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None
     files |= {other: [other] for other in compared(config) if not alone and [other] not in files.values()
               and (other != "recorded" or trained(task_name(task)) is not None)}
     files = {label: [policy_file(policy, task) for policy in policies] for label, policies in files.items()}
-    for policy in chain(*files.values()):
+    policies, rows = list(chain(*files.values())), list[Row]()
+    for policy in policies:
         check_task(policy, config, changed)
-    rows: list[Row] = []
+
+    def make_environments(start: Start) -> dict[str, GrainEnv]:
+        """Make an environment for each observation and action_repeat; raises ConfigError where a policy does not fit."""
+        envs: dict[str, GrainEnv] = {}
+        for policy in policies:
+            options = training_options(policy)
+            if str(options) not in envs:
+                envs[str(options)] = make_environment(config, start, **options)
+            make_policy(policy, envs[str(options)], start.seed)
+        return envs
+
+    first = make_environments(starts[0])
     with tempfile.TemporaryDirectory() as scratch, OutputFolder(out or Path(scratch)) as folder:
         folder.clear(RESULTS)
         progress = Progress(total=sum(map(len, files.values())) * len(starts), desc=f"{task_name(task)}, {suite}",
                             unit="episodes")
         for world in dict.fromkeys(start.world for start in starts):
-            members, envs = [(k, start) for k, start in enumerate(starts) if start.world == world], {}
+            members = [(k, start) for k, start in enumerate(starts) if start.world == world]
+            envs = first if world == starts[0].world else make_environments(members[0][1])
             for label, run, policy in [(label, *one) for label, runs in files.items() for one in enumerate(runs)]:
-                options = training_options(policy)
-                if str(options) not in envs:
-                    envs[str(options)] = make_environment(config, members[0][1], **options)
-                env: GrainEnv = envs[str(options)]
+                env = envs[str(training_options(policy))]
                 for k, start in members:
                     drawn = begin_episode(env, start)
                     total, info = play(env, make_policy(policy, env, start.seed), observation=env.observation)
