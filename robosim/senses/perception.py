@@ -64,6 +64,8 @@ class Perception:
             self._choices = [Choice(key, kind, own, Timing()) for key, (kind, own) in kinds.items()]
         else:
             self._choices = read_choices(obs, timing)
+        self.names = self._layout or ",".join(choice.key for choice in self._choices)
+        """The layout, or the terms separated by commas, as `observation_options` reads them."""
         self._privileged = read_choices(privileged, {}, "privileged") if privileged else []
         self._flat = flatten or self._layout not in ("", "dict")
         chosen, every = [one.kind for one in [*self._choices, *self._privileged]], np.arange(task.grains.count)
@@ -84,11 +86,6 @@ class Perception:
         """Return what a state of the environment depends on: plain values."""
         own = self._layout or describe(self._choices)
         return own if not self._privileged else [own, describe(self._privileged)]
-
-    @property
-    def names(self) -> str:
-        """The layout, or the terms separated by commas, as `observation_options` reads them."""
-        return self._layout or ",".join(choice.key for choice in self._choices)
 
     @property
     def domains(self) -> dict[str, tuple[float, float]]:

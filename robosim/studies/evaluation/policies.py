@@ -88,7 +88,7 @@ def load_policy(path: Path) -> StoredArrays:
         # until release 0.1 action_repeat was called hold
         arrays = StoredArrays(path, {"action_repeat" if key == "hold" else key: array for key, array in stored.items()})
         arrays.integer("action_repeat", 1, 1, MAX_REPEAT)
-        for name in ("task", "obs", "bound"):
+        for name in ("task", "obs", "bound", "expert"):
             arrays.text(name, "")
     except (OSError, mpm.InvalidValue) as error:
         raise ConfigError(f"{error}") from None
@@ -189,8 +189,9 @@ class ReplayPolicy:
 class NetworkPolicy:
     """A learned network: layers W x + b, each followed by the function that `activations` names.
 
-    `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that
-    the network was learned with. Raises ConfigError for a network that does not fit the environment."""
+    `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that the network was
+    learned with. With `residual` it corrects the `expert`, the script that knows, by at most that share of the action
+    range. Raises ConfigError, mpm.InvalidValue for a network that does not fit the environment."""
 
     FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
         "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
@@ -214,13 +215,21 @@ class NetworkPolicy:
         if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")
+        self._expert: Policy | None = None
+        if "expert" in arrays:
+            if (expert := arrays.text("expert", "")) != KNOWING:
+                raise ConfigError(f"{path}: corrects {expert!r}; accepted: {KNOWING}")
+            self._share, self._expert = arrays.numbers("residual").flat[0], ScriptedPolicy(env, knows=True)
 
     def __call__(self, observation: Any) -> np.ndarray:
         """Return the action for an observation (inputs,)."""
         x = observation
         for W, b, function in self._layers:
             x = function(W @ x + b)
-        return self._bound(x).astype(np.float32)
+        action = self._bound(x)
+        if self._expert is not None:
+            action = np.clip(self._expert(observation) + self._share * action, -1.0, 1.0)
+        return action.astype(np.float32)
 
 
 def _check_chain(path: Path, layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[int, int]:

@@ -63,7 +63,7 @@ def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None
         check_task(policy, config, changed)
 
     def make_environments(start: Start) -> dict[str, GrainEnv]:
-        """Make an environment for each observation and action_repeat; raises ConfigError where a policy does not fit."""
+        """Make one for each observation and action_repeat; raises ConfigError where a policy does not fit."""
         envs: dict[str, GrainEnv] = {}
         for policy in policies:
             options = training_options(policy)
