@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -69,9 +70,10 @@ def test_a_correction_of_the_knowing_script_begins_as_the_script_and_stays_near_
     training = Training("residual", preset, "SpoonTranslate", tmp_path / "run", TrainingOptions(randomize=str(ranges)))
     training.learn()
     assert training.model.best is None
-    stored, away = dict(np.load(file := tmp_path / "run" / "best_policy.npz")), tmp_path / "away.npz"
+    file, away = tmp_path / "run" / "best_policy.npz", tmp_path / "away.npz"
+    stored: Any = dict(np.load(file))
     np.savez(away, **stored | {f"bias_{len(stored['activations']) - 1}": np.full(3, 9.0, np.float32)})
-    env = make_environment("SpoonTranslate", randomize=str(ranges), **training_options(str(file))).unwrapped
+    env: Any = make_environment("SpoonTranslate", randomize=str(ranges), **training_options(str(file))).unwrapped
     env.reset(seed=5)
     script, corrected, far = (make_policy(str(name), env, 0) for name in ("knowing", file, away))
     for _ in range(5):

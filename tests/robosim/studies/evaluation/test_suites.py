@@ -107,12 +107,10 @@ def test_a_network_is_refused_for_another_version_of_its_task(tmp_path: Path) ->
 
 @pytest.mark.parametrize(("changed", "message"), [
     ({"obs": "joints,time"}, "p.npz: observes joints, time; this environment has no joints; it has grains, .*time"),
-    ({"obs": "sight,time"}, "observes sight, time; this environment has no sight; it has grains"),
     ({"obs": "tool"}, r"p.npz: takes 5 numbers and gives 3; this environment observes tool, \(3,\), and takes 3"),
     ({"weight_0": np.full((3, 3), np.nan, np.float32)}, "p.npz: weight_0: holds numbers that are not finite")])
 def test_a_network_that_does_not_fit_is_refused_before_anything_is_written(
         tmp_path: Path, changed: dict[str, Any], message: str) -> None:
-    """With what it observes and what there is; on a suite, and alone."""
     path, out = tmp_path / "p.npz", tmp_path / "out"
     np.savez(path, **{"weight_0": np.zeros((3, 5), np.float32), "bias_0": np.zeros(3, np.float32), "bound": "tanh",
                       "activations": ["none"], "obs": "tool", "task": "SpoonTranslate", **changed})
