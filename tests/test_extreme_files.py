@@ -34,7 +34,7 @@ from robosim.base.study import Store
 from robosim.config.materials import load_material
 from robosim.config.table import read
 from robosim.envs.start import settled_state
-from robosim.planning.learned_motions import load_motion
+from robosim.planning.recorded_motions import load_motion
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
 from robosim.studies.evaluation.policies import make_policy, training_options
@@ -196,7 +196,7 @@ def tabulate_pipeline(path: Path) -> None:
 
 TABLES = {
     "tables of runs": Reader(tabulate, {"runs": [ROW]}, "tables.json"),
-    "materials": Reader(tabulate, {"policy": "learned", "rows": [
+    "materials": Reader(tabulate, {"policy": "recorded", "rows": [
         {"task": "SpoonPour", "material": "salt", "score": 1.0, "td_mm": None}]}, "materials.json"),
     "status of a run": Reader(tabulate, STATUS, "status.json"),
     "manifest of a run": Reader(tabulate, MANIFEST, "manifest.json"),

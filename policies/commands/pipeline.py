@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> None:
     """Add `pipeline` to the command line."""
     parser = commands.add_parser("pipeline", help="make demonstrations, train, replay in sequence and with the arm",
                                  description="Make demonstrations of a rehearsal's sub-tasks, train on them, replay "
-                                 "the learned motions in sequence and with the whole arm. Exit status 0 only if every "
+                                 "the recorded motions in sequence and with the whole arm. Exit status 0 only if every "
                                  "step succeeded.", epilog=EXAMPLE)
     parser.add_argument("rehearsal", help=f"one of {', '.join(config_names('rehearsals'))}")
     parser.add_out("all results")
@@ -37,7 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_launcher()
     parser.add_number("--jobs", default=1, help="number of sub-tasks at the same time")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
-    parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
+    parser.add_settings("rehearsal's file", "recorded=[SpoonScoop,SpoonTranslate]")
     parser.set_defaults(run=run, after_interrupt="finished steps are kept; the same command continues")
 
 

@@ -13,14 +13,14 @@ from stable_baselines3.common.utils import LinearSchedule
 import mpm
 from policies.learners.buffers import DemoReplayBuffer
 from policies.learners.critics import EnsemblePolicy
-from policies.learners.networks import DeepSets, DelayedActorMixin, PartsEncoder, PointNet
+from policies.learners.networks import DelayedActorMixin, PartsEncoder, PointNet
 from policies.learners.soft_actor_critic import EnsembleSAC
 from policies.learners.wrappers import zero_residual
 from policies.learning.presets import Preset
 
 NOISE = 0.1
 """Standard deviation of the noise by which deterministic policies explore (Fujimoto et al. 2018)."""
-ENCODERS = {"pointnet": PointNet, "deep_sets": DeepSets, "parts": PartsEncoder}
+ENCODERS = {"pointnet": PointNet, "parts": PartsEncoder}
 
 
 def learner_class(preset: Preset) -> Any:

@@ -56,47 +56,20 @@ class PartsEncoder(BaseFeaturesExtractor):
         return torch.cat((self._of_grains(observations[:, self._grains]), self._of_rest(rest)), 1)
 
 
-class SetEncoder(BaseFeaturesExtractor):
-    """A network applied to every grain, pooled over the grains, joined with the rest of the observation.
+class PointNet(BaseFeaturesExtractor):
+    """A network applied to every grain, in world axes; the maximum of every feature, and the rest of the observation.
 
-    slices: parts of the flat observation; "particles" holds positions and velocities, 6 numbers a grain."""
-
-    POOLS = 1
-    """Pooled values per feature."""
+    Source: Qi et al. 2017. slices: parts of the flat observation; "particles" holds positions and velocities, 6 numbers
+    a grain."""
 
     def __init__(self, space: gymnasium.Space, slices: dict[str, slice], width: int = WIDTH) -> None:
         grains = slices["particles"]
         assert space.shape is not None
-        rest = space.shape[0] - (grains.stop - grains.start)
-        super().__init__(space, self.POOLS * width + rest)
-        self._grains, self._tool = grains, slices["tool"]
+        super().__init__(space, width + space.shape[0] - (grains.stop - grains.start))
+        self._grains = grains
         self._each = nn.Sequential(*embedding(6, width), *embedding(width, width))
 
-    def _split(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return grains (batch, n, 6), positions and velocities, and the rest (batch, m)."""
+    def forward(self, observations: torch.Tensor) -> Any:
+        """Map (batch, observation) to (batch, features)."""
         grains = observations[:, self._grains].reshape(len(observations), -1, 6)
-        return grains, cut_out(observations, self._grains)
-
-
-class PointNet(SetEncoder):
-    """Maximum of every feature over the grains, in world axes (Qi et al. 2017)."""
-
-    def forward(self, observations: torch.Tensor) -> Any:
-        """Map (batch, observation) to (batch, features)."""
-        grains, rest = self._split(observations)
-        return torch.cat((self._each(grains).amax(1), rest), 1)
-
-
-class DeepSets(SetEncoder):
-    """Mean and maximum of every feature, with positions relative to the tool (Zaheer et al. 2017).
-
-    A maximum alone does not depend on the number of grains, which is what the reward counts."""
-
-    POOLS = 2
-
-    def forward(self, observations: torch.Tensor) -> Any:
-        """Map (batch, observation) to (batch, features)."""
-        grains, rest = self._split(observations)
-        tool_position = observations[:, None, self._tool.start : self._tool.start + 3]
-        features = self._each(torch.cat((grains[..., :3] - tool_position, grains[..., 3:]), 2))
-        return torch.cat((features.mean(1), features.amax(1), rest), 1)
+        return torch.cat((self._each(grains).amax(1), cut_out(observations, self._grains)), 1)

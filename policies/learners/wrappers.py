@@ -1,13 +1,17 @@
-"""Wrappers of environments: observations in units of the task, and actions that correct a recorded motion."""
+"""Wrappers of environments: observations in units of the task, and actions that correct a motion or an expert."""
 
-from typing import Any
+from functools import partial
+from itertools import chain, repeat
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
 from torch import nn
 
 import mpm
+from robosim.envs.grain_env import GrainEnv
 from robosim.senses.grains import GOAL_FRAME
+from robosim.studies.evaluation.policies import ScriptedPolicy
 
 LENGTH = 0.1
 """Unit of length [m]."""
@@ -63,21 +67,24 @@ def observation_units(env: Any, layout: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 class ResidualActionWrapper(gymnasium.ActionWrapper):
-    """Adds an action, scaled by `share`, to a motion (decisions, dimensions), and clips the sum to -1 .. 1.
+    """Adds an action, scaled by `share`, to that of a base policy, and clips the sum to -1 .. 1.
 
-    Source: residual policies, Silver et al. 2018.
+    Source: residual policies, Silver et al. 2018. base: a motion (decisions, dimensions), whose last action is repeated
+    after its end; None: the script that knows the target's place.
 
     Each decision costs `cost` x the mean square of its action: in states that the critics have not visited, the
-    recorded motion is to be preferred."""
+    base policy is to be preferred."""
 
-    def __init__(self, env: gymnasium.Env, motion: np.ndarray, share: float, cost: float = 0.0) -> None:
+    def __init__(self, env: gymnasium.Env, base: np.ndarray | None, share: float, cost: float = 0.0) -> None:
         super().__init__(env)
-        self._motion, self._share, self._cost, self._decision = motion, share, cost, 0
+        self._base, self._share, self._cost = base, share, cost
 
     def reset(self, **options: Any) -> Any:
-        """Reset the environment and restart the motion."""
-        self._decision = 0
-        return self.env.reset(**options)
+        """Reset the environment and restart the base policy."""
+        result, raw = self.env.reset(**options), self.env.unwrapped
+        self._next: Any = chain(self._base, repeat(self._base[-1])).__next__ if self._base is not None else \
+            partial(ScriptedPolicy(cast(GrainEnv, raw), knows=True), None)
+        return result
 
     def step(self, action: np.ndarray) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Step with the corrected action; the reward is reduced by the cost."""
@@ -85,10 +92,8 @@ class ResidualActionWrapper(gymnasium.ActionWrapper):
         return observation, float(reward) - self._cost * float(np.mean(np.square(action))), terminated, truncated, info
 
     def action(self, action: np.ndarray) -> np.ndarray:
-        """Return the corrected action (dimensions,); the motion's last action is repeated after its end."""
-        recorded = self._motion[min(self._decision, len(self._motion) - 1)]
-        self._decision += 1
-        return np.clip(recorded + self._share * action, -1.0, 1.0).astype(np.float32)
+        """Return the corrected action (dimensions,)."""
+        return np.clip(self._next() + self._share * action, -1.0, 1.0).astype(np.float32)
 
 
 def zero_residual(model: Any, learner: str) -> None:

@@ -74,7 +74,7 @@ class Actor(Table):
     """Updates of the critics for one of the actor."""
     imitation: float = Field(0.0, ge=0.0, le=1e3)
     """Weight of the actor's distance from the actions of the best episode so far, a demonstration at first (compare
-    Oh et al. 2018), in units of the mean value."""
+    Oh et al. 2018), in units of the mean value; 0 with random starts, whose returns do not compare."""
     imitation_growth: float = Field(1.0, ge=1.0, le=1e6)
     """Its factor at the end of the run, which it reaches geometrically: first the policy explores, then it keeps."""
 
@@ -131,8 +131,10 @@ class Preset(Table):
     episodes: Episodes = 150
     """Largest number of episodes."""
     residual: float | None = Field(None, ge=1e-6, le=1.0)
-    """Largest correction of the first demonstration by the policy, as a fraction of the action range; null: the policy
-    does not correct a demonstration but gives the action."""
+    """Largest correction of the first demonstration, or of an expert, by the policy, as a fraction of the action range;
+    null: the policy corrects nothing but gives the action."""
+    expert: Literal["knowing"] | None = None
+    """What `residual` corrects: the task's script that knows the target's place; null: the first demonstration."""
     correction_cost: float = Field(0.0, ge=0.0, le=1e6)
     """Penalty per mean square of the correction, in units of `residual`; it is not part of reported returns."""
     actor: Actor | None = None
@@ -141,8 +143,8 @@ class Preset(Table):
     """Layer normalisation in the critics."""
     critics: Critics | None = None
     """Ensemble of critics; null: two, whose minimum is the target and what the actor follows."""
-    encoder: Literal["pointnet", "deep_sets", "parts"] | None = None
-    """Encoder of the grains: permutation-invariant (pointnet, deep_sets), or one that embeds the grains, the rest of
+    encoder: Literal["pointnet", "parts"] | None = None
+    """Encoder of the grains: permutation-invariant (pointnet), or one that embeds the grains, the rest of
     the observation and the critic's action apart before it joins them (parts); null: no encoder."""
     graph: GraphSizes | None = None
     """Graph network that predicts the motion of the grains, trained on rollouts; null: none."""
@@ -156,7 +158,8 @@ class Preset(Table):
     @property
     def needs_demonstrations(self) -> bool:
         """Whether the method cannot run without demonstrations."""
-        return self.demonstrations is not None or self.residual is not None or self.learner in IMITATION
+        is_over_motion = self.residual is not None and self.expert is None
+        return self.demonstrations is not None or is_over_motion or self.learner in IMITATION
 
     @property
     def needs_rollouts(self) -> bool:
@@ -211,8 +214,9 @@ class Preset(Table):
         if (self.graph is not None) != (self.learner == "GNN-CMA-ES"):
             raise ValueError(f"learner {self.learner} with graph {self.graph}; accepted: GNN-CMA-ES with one, others "
                              f"without")
-        if self.correction_cost and self.residual is None:
-            raise ValueError(f"correction_cost {self.correction_cost} without residual; accepted: with one, or 0")
+        for name, value in (("correction_cost", self.correction_cost), ("expert", self.expert)):
+            if value and self.residual is None:
+                raise ValueError(f"{name} {value} without residual; accepted: with one, or none")
         return self
 
 

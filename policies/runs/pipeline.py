@@ -1,7 +1,7 @@
 """The pipeline from nothing to the whole arm's motion, a command after the other.
 
-Demonstrations and training of every sub-task, the learned sub-tasks in sequence, and the whole arm, each in a folder of
-its own. Source: arXiv 2406.09178, Algorithm 1."""
+Demonstrations and training of every sub-task, the recorded sub-tasks in sequence, and the whole arm, each in a folder
+of its own. Source: arXiv 2406.09178, Algorithm 1."""
 
 import argparse
 import shutil
@@ -43,10 +43,10 @@ POLL = 0.5
 """Time [s] between two looks at a folder's lock."""
 
 
-def learned_rehearsals() -> dict[str, list[str]]:
-    """Return the sub-tasks of every bundled rehearsal that has learned ones."""
+def recorded_rehearsals() -> dict[str, list[str]]:
+    """Return the sub-tasks of every bundled rehearsal that has recorded ones."""
     paths = sorted((folder("configs") / "rehearsals").glob("*.yaml"))
-    tasks = {path.stem: read(path).get("learned", []) for path in paths}
+    tasks = {path.stem: read(path).get("recorded", []) for path in paths}
     return {name: names for name, names in tasks.items() if names}
 
 
@@ -58,7 +58,7 @@ class Pipeline:
 
     def __init__(self, options: argparse.Namespace) -> None:
         check_installed()  # before the first demonstrations, which need less
-        rehearsals = learned_rehearsals()
+        rehearsals = recorded_rehearsals()
         if options.rehearsal not in rehearsals:
             raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(rehearsals)}")
         preset = load_preset(options.method)
@@ -67,7 +67,7 @@ class Pipeline:
                                    f"demonstrations or by itself")
         self._needs_demonstrations = preset.needs_demonstrations
         self.options, self.out = options, options.out
-        self.tasks = options.settings.apply({"learned": rehearsals[options.rehearsal]})["learned"]
+        self.tasks = options.settings.apply({"recorded": rehearsals[options.rehearsal]})["recorded"]
         self.out.mkdir(parents=True, exist_ok=True)
         self._file, self._lock = self.out / "pipeline.json", threading.Lock()
         self._processes: set[subprocess.Popen] = set()
@@ -100,8 +100,8 @@ class Pipeline:
             self._progress = Progress(total=stages, desc="pipeline", unit="commands")
             pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
             try:
-                is_learned = list(pool.map(self._learn, self.tasks))
-                is_complete = all(is_learned) and pool.submit(self._execute).result()
+                has_motions = list(pool.map(self._learn, self.tasks))
+                is_complete = all(has_motions) and pool.submit(self._execute).result()
             finally:
                 with self._lock:  # nothing more is started, and what runs is interrupted
                     self._is_stopped = True
@@ -122,7 +122,7 @@ class Pipeline:
         return 0 if is_complete else 1
 
     def _learn(self, task: str) -> bool:
-        """Make a sub-task's demonstrations and train on them; return whether there is a learned motion."""
+        """Make a sub-task's demonstrations and train on them; return whether there is a recorded motion."""
         o, folder, training = self.options, self._training_folder(task), f"training of {task}"
         demos = self.out / "demonstrations" / task if self._needs_demonstrations else None
         if demos is not None and not self._run_stage(f"demonstrations of {task}", [

@@ -17,7 +17,7 @@ DEMONSTRATIONS = {"demonstrations": ([{str: object}], ...)}
 
 def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path]) -> list[dict[str, Any]]:
     """Return a row for each sub-task and a last one of the whole arm; None where a result is missing.
-    demonstration: best score among the task's grains. learned: score of the best motion, replayed. grains, delivered,
+    demonstration: best score among the task's grains. recorded: score of the best motion, replayed. grains, delivered,
     turned_deg, relative_turn_error: in the sequence of sub-tasks, each begun with what the one before has left."""
     chain = read_table(out / "chain" / "chain.json", CHAIN)
     sequence = {row["task"]: row for row in chain.get("sub_tasks", [])}
@@ -31,7 +31,7 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
         result = sequence.get(task, {})
         result = result.get("from_previous") or result.get("from_settled_start") or {}
         rows.append({"task": task, "demonstration": max((values["tcs"] for values in among), default=None),
-                     "learned": replayed.get("tcs"), "grains": result.get("grains"),
+                     "recorded": replayed.get("tcs"), "grains": result.get("grains"),
                      "delivered": result.get("delivered"), "turned_deg": result.get("rotation_deg"),
                      "relative_turn_error": result.get("rotation_relative_error")})
     arm = read_table(out / "arm" / "report.json", dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
@@ -43,8 +43,8 @@ def format_rows(rows: list[dict[str, Any]]) -> str:
     def cell(value: Any, form: str) -> str:
         return "-" if value is None else form.format(value)
 
-    lines = [["sub-task", "demonstration", "learned", "grains", "delivered", "turned [deg]", "turn error"]]
-    lines += [[row["task"], cell(row["demonstration"], "{:.2f}"), cell(row["learned"], "{:.2f}"),
+    lines = [["sub-task", "demonstration", "recorded", "grains", "delivered", "turned [deg]", "turn error"]]
+    lines += [[row["task"], cell(row["demonstration"], "{:.2f}"), cell(row["recorded"], "{:.2f}"),
                cell(row["grains"], "{}"), cell(row["delivered"], "{:.3f}"), cell(row["turned_deg"], "{:.1f}"),
                cell(row["relative_turn_error"], "{:.1%}")] for row in rows[:-1]]
     arm = rows[-1]

@@ -100,16 +100,18 @@ class Training:
                                     preset.episodes, action_repeat=self.action_repeat,
                                     **observation_options(preset.obs), **scene)
         self.agent_env: Any = self.env
-        """The environment that a learner acts in: `env`, or corrections of a motion in it."""
+        """The environment that a learner acts in: `env`, or corrections of a motion or an expert in it."""
+        evaluated = self.base
         if preset.residual is not None:
-            self.agent_env = ResidualActionWrapper(self.env, self.demonstrations[0].actions, preset.residual,
-                                                   preset.correction_cost)
+            if preset.expert is not None and not self.is_granular:
+                raise mpm.InvalidValue(f"expert {preset.expert} with task {self.task}; accepted: with a sub-task")
+            motion = None if preset.expert is not None else self.demonstrations[0].actions
+            self.agent_env = ResidualActionWrapper(self.env, motion, preset.residual, preset.correction_cost)
+            evaluated = ResidualActionWrapper(self.base, motion, preset.residual)
         self.progress = Progress(total=preset.episodes, desc=f"{method} {self.task} seed {self.seed}", unit="episodes")
         self.model: Any = None
         self.evaluations: Evaluations | None = None
         if self.is_granular:
-            evaluated = self.base if preset.residual is None else ResidualActionWrapper(
-                self.base, self.demonstrations[0].actions, preset.residual)
             self.evaluations = Evaluations(evaluated, out, options.evaluate_every, self.reset_options, self.n_envs == 1)
 
     @property
@@ -218,14 +220,15 @@ class Training:
         Raises SaturatedActor."""
         if self.evaluations is None or not self.evaluations.is_due(self.env.count, self.is_over):
             return
-        # a correction is no policy without its motion
         is_best, last = self.evaluations.add(policy, self.env.count), self.folder.path / "last_policy.npz"
-        if self.preset.residual is not None:
-            return
+        share, expert = self.preset.residual, self.preset.expert
+        if share is not None and expert is None:
+            return  # a correction is no policy without its motion
+        residual = {} if share is None else {"residual": share, "expert": expert}
         units = (self.base.offset, self.base.factor) if isinstance(self.base, ScaledObservation) else None
         table = load_task(self.source).model_dump_json(exclude={"description"})  # "hard" changes the environment's own
         if export_policy(policy, last, units, obs=self.preset.obs, action_repeat=self.action_repeat, task=self.task,
-                         method=self.folder.manifest["method"], task_table=table) and is_best:
+                         method=self.folder.manifest["method"], task_table=table, **residual) and is_best:
             write(last.with_name("best_policy.npz"), lambda path: shutil.copyfile(last, path))
 
     def demonstration_transitions(self) -> Iterator[Transition]:
@@ -252,6 +255,8 @@ class Training:
             self._check_buffer()
             self.model = build_learner(self.preset, venv, self.seed,
                                        getattr(self.base.unwrapped, "observation_slices", None))
+            if self.preset.actor and self.folder.manifest["starts"] != "nominal":  # whose returns do not compare
+                self.model.imitation = 0.0
             self.model.set_logger(Logger(str(self.folder.path), [EventLog(self.folder.event_log, 0)]))
             if self.preset.demonstrations is not None:
                 prefill_demo_buffer(self.model, self.demonstration_transitions(), self.preset.demonstrations.updates)

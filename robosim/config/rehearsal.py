@@ -110,12 +110,12 @@ class RehearsalConfig(SceneConfig):
     colliding geoms. The grains lie on the plane z = 0 all the same."""
     obstacles: Annotated[tuple[ObstacleConfig, ...], Field(max_length=bounds.MAX_ENTRIES)] = ()
     """What stands in the robot's way; grains pass through it."""
-    trajectory: Literal["script", "learned"] = "script"
-    """script: follow the waypoints; learned: follow the learned motions of the sub-tasks in `learned`."""
+    trajectory: Literal["script", "recorded"] = "script"
+    """script: follow the waypoints; recorded: follow the recorded motions of the sub-tasks in `recorded`."""
     dose: DoseConfig | None = None
     """A mass that a controller doses into the empty container, on a balance; null: none."""
-    learned: Annotated[tuple[bounds.Name, ...], Field(max_length=bounds.MAX_ENTRIES)] = ()
-    """Sub-tasks whose learned motions are joined, in order."""
+    recorded: Annotated[tuple[bounds.Name, ...], Field(max_length=bounds.MAX_ENTRIES)] = ()
+    """Sub-tasks whose recorded motions are joined, in order."""
     motions: bounds.FilePath | None = None
     """Folder with a motion of each sub-task as TASK.npz; null: the bundled motions."""
 
@@ -134,8 +134,8 @@ class RehearsalConfig(SceneConfig):
             raise ValueError(f"pile: half {self.pile.half}, round: {self.pile.round}; accepted: above 0, a block")
         if self.sources and self.weigh_at is None:
             raise ValueError("weigh_at: missing; a tool that is filled is weighed at a waypoint with a dwell")
-        if self.trajectory == "learned" and not self.learned:
-            raise ValueError("trajectory: learned needs `learned`, a list of sub-tasks")
+        if self.trajectory == "recorded" and not self.recorded:
+            raise ValueError("trajectory: recorded needs `recorded`, a list of sub-tasks")
         return self
 
     @pydantic.model_validator(mode="after")

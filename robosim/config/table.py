@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from mpm.files import quote
 from mpm.geometry.rigid_motion import Pose
-from robosim.base.errors import ConfigError
+from robosim.base.errors import ConfigError, say_renamed
 from robosim.base.input_files import read_text
 from robosim.base.resources import locate_paths
 from robosim.config.bounds import Angle, Coordinate, Name, Text
@@ -22,7 +22,7 @@ Vector3 = tuple[Coordinate, Coordinate, Coordinate]
 """Along x, y and z."""
 Kind = TypeVar("Kind", bound="Table")
 RENAMED = {
-    "RehearsalConfig": {"collision_thickness": "tool_wall"},
+    "RehearsalConfig": {"collision_thickness": "tool_wall", "learned": "recorded"},
     "TaskConfig": {"container": "containers", "container_place": "containers.NAME", "receiver": "containers.receiver"},
     "StartConfig": {"pile": "pile"}, "DosingConfig": {"reward": "reward"},
 }
@@ -123,7 +123,7 @@ def describe(error: Any, kind: type[Any]) -> str:
     if error["type"] == "value_error":
         return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])
     value = "" if error["type"] == "missing" else f" (given: {quote(error['input'])})"
-    return f"{place or 'file'}: {error['msg']}{value}"
+    return f"{place or 'file'}: {error['msg']}{value}{say_renamed(error['input'])}"
 
 
 def _located(error: Any, kind: type[Table], path: Path, settings: Sequence[Setting]) -> str:

@@ -85,7 +85,8 @@ class Member:
         episode, carrier = self.episode, self.carrier
         qpos = None if carrier.robot_data is None else carrier.robot_data.qpos
         return Sight(episode.time, episode.step_count / episode.task.steps, episode.pose, episode.counts, grains,
-                     carrier.received, carrier.duration, carrier.setting, carrier.sensors, qpos)
+                     carrier.received, carrier.duration, carrier.setting, carrier.sensors, qpos,
+                     self.delay.waiting)
 
     def _observe(self, sight: Sight) -> Info:
         self.observation = self.world.observer.read(sight, self._senses)

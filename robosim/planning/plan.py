@@ -8,8 +8,8 @@ from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.approach import Approach, plan_approach
 from robosim.planning.clearance import Clearances, PathClearance
-from robosim.planning.learned_path import LearnedPath
 from robosim.planning.picking import add_picking
+from robosim.planning.recorded_path import RecordedPath
 from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.assembly import GRIP_TURNS_DEG
 from robosim.robot.inverse_kinematics import PathSolution, solve_path
@@ -35,7 +35,7 @@ class Plan(NamedTuple):
 
     config: RehearsalConfig
     """With what the planner has chosen: the turn of the tool in the hand, and slower waypoints."""
-    path: WaypointPath | LearnedPath
+    path: WaypointPath | RecordedPath
     solution: PathSolution
     motion: JointMotion
     arm: Arm
@@ -53,7 +53,7 @@ class Grip:
     def __init__(self, config: RehearsalConfig) -> None:
         self.arm = Arm(assemble_rehearsal(config))
         config = add_picking(config, self.arm.assembly)
-        self.path = LearnedPath(config) if config.trajectory == "learned" else WaypointPath(config)
+        self.path = RecordedPath(config) if config.trajectory == "recorded" else WaypointPath(config)
         self._limits, self._clearances = self.arm.limits(config.limits), Clearances(config, self.arm)
         self._solve()
         self._check()
@@ -123,7 +123,7 @@ def plan_path(config: RehearsalConfig) -> Plan:
 
     Tool path, joint path, and joint motion within the arm's limits, without a collision. Where the file leaves it open
     how the hand holds the handle, the turns of GRIP_TURNS_DEG are tried until one can be followed at full speed, away
-    from the joints' limits; where none can, the fastest. Learned motions are slowed down where the arm is too slow for
+    from the joints' limits; where none can, the fastest. Recorded motions are slowed down where the arm is too slow for
     them, scripts up to `max_time_scale`. Raises ConfigError or UnreachableWaypoint."""
     refused: list[ConfigError | UnreachableWaypoint] = []
     grips: list[Grip] = []

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import accepted_error
-from robosim.planning.learned_path import LearnedPath
+from robosim.planning.recorded_path import RecordedPath
 from robosim.planning.waypoint_path import is_in_container
 from robosim.rehearsal.comparison import replay_figures
 from robosim.rehearsal.dosing_driver import DosingDriver
@@ -114,9 +114,9 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
             "approach_clearance_m": finite(approach.clearance.distance),
             "approach_clearance_between": list(approach.clearance.parts)}),
         "motion_delay_s": plan.motion.delay, "driver": run.driver.name,
-        "trajectory": "recorded" if run.replay else "driver" if run.driver.is_own else config.trajectory,
-        **({} if not isinstance(path, LearnedPath) else {
-            "learned": list(config.learned), "time_scale": path.time_scale,
+        "trajectory": "replay" if run.replay else "driver" if run.driver.is_own else config.trajectory,
+        **({} if not isinstance(path, RecordedPath) else {
+            "recorded_motions": list(config.recorded), "time_scale": path.time_scale,
             "path_smoothing_deviation_m": path.smoothing_deviation, "path_clearance_shift_m": path.clearance_shift}),
         **({} if run.replay is None else replay_figures(run.replay, run.compare_wrench(), run.plan.arm)),
         "model_errors": None if run.errors is None else run.errors.figures(),

@@ -18,9 +18,9 @@ from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.table import validate
 from robosim.conversion.joint_log import JointLog
 from robosim.episode.film import CLOSE, FilmStyle, check_colour, find_camera, try_film
-from robosim.planning.learned_motions import place_target
 from robosim.planning.lip_motion import make_lip_motion
 from robosim.planning.plan import Plan, plan_motion
+from robosim.planning.recorded_motions import place_target
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.comparison import OPPOSITE
@@ -175,10 +175,10 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
 def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None = None, trajectory: str | None = None,
                     motions: str | Path | None = None) -> RehearsalConfig:
     """Return the configuration of a rehearsal, with what replaces parts of it; raises ConfigError.
-    trajectory: "script" or "learned", the latter from a folder of motions, or with None the bundled ones."""
+    trajectory: "script" or "recorded", the latter from a folder of motions, or with None the bundled ones."""
     if motions is not None and trajectory == "script":
-        raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
-    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
+        raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory recorded")
+    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "recorded"),
               "motions": motions and str(Path(motions).resolve())}
     return check_config(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
 

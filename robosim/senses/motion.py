@@ -68,3 +68,19 @@ class TimeTerm(Term):
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         return np.array([sight.progress])
+
+
+class PendingTerm(Term):
+    """Mean of the commands that are not yet carried out, as an action without vibration; 0 without `action_delay`."""
+
+    name, unit = "pending", "1"
+
+    def __init__(self, scene: SenseScene) -> None:
+        action = scene.task.action
+        self._scale = np.array([action.speed] * 3 + [action.angular_speed] * 3)[: action.dimensions]
+        self.space = box(-np.ones(action.dimensions), np.ones(action.dimensions))
+
+    def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
+        velocities = [np.concatenate(one[:2])[: len(self._scale)] for one in sight.waiting]
+        steps = [one[-1] for one in sight.waiting]
+        return np.average(velocities, 0, steps) / self._scale if steps else np.zeros(len(self._scale))

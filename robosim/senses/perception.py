@@ -64,6 +64,8 @@ class Perception:
             self._choices = [Choice(key, kind, own, Timing()) for key, (kind, own) in kinds.items()]
         else:
             self._choices = read_choices(obs, timing)
+        self.names = self._layout or ",".join(choice.key for choice in self._choices)
+        """The layout, or the terms separated by commas, as `observation_options` reads them."""
         self._privileged = read_choices(privileged, {}, "privileged") if privileged else []
         self._flat = flatten or self._layout not in ("", "dict")
         chosen, every = [one.kind for one in [*self._choices, *self._privileged]], np.arange(task.grains.count)

@@ -19,13 +19,13 @@ ROUNDING = 1e-9
 """Tolerance [s] of times that are sums of steps."""
 TERMS = {
     "grains": "grains.GrainsTerm", "goal_frame": "grains.GoalFrameTerm",
-    "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
+    "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm", "pending": "motion.PendingTerm",
     "joints": "arm.JointsTerm", "torques": "arm.TorquesTerm", "wrist": "arm.WristTerm", "scale": "scale.ScaleTerm",
     "height_map": "height_map.HeightMapTerm", "depth": "pictures.DepthTerm", "rgb": "pictures.RgbTerm",
     "point_cloud": "pictures.PointCloudTerm", "target": "motion.TargetTerm",
 }
 """Name -> class in robosim.senses, imported when it is chosen: cameras need MuJoCo, an environment does not."""
-NOT_DELAYED = ("grains", "time", "goal", "target")
+NOT_DELAYED = ("grains", "time", "goal", "target", "pending")
 """Terms that an environment's own latency, noise and dropout leave as they are; options of their own hold."""
 MOST_TERMS = 32
 
@@ -190,12 +190,16 @@ class Senses:
             channel.term.close()
 
 
+def valid_terms(scene: SenseScene) -> list[str]:
+    """Return the names of the terms that a scene has all for."""
+    return [name for name in TERMS if not find_term(name).missing(scene)]
+
+
 def build_term(scene: SenseScene, choice: Choice) -> Term:
     """Build a term for a scene; raises ConfigError for one that needs what there is not, and for unknown options."""
     name, missing = choice.kind.name, choice.kind.missing(scene)
     if missing:
-        valid = [name for name in TERMS if not find_term(name).missing(scene)]
-        raise ConfigError(f"obs: {name!r} needs {missing}; accepted here: {', '.join(valid)}")
+        raise ConfigError(f"obs: {name!r} needs {missing}; accepted here: {', '.join(valid_terms(scene))}")
     accepted = accepted_options(choice.kind)
     for option in choice.options:
         if option not in accepted:

@@ -1,7 +1,7 @@
 """What an observation term is, and what it reads."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import gymnasium
@@ -40,6 +40,8 @@ class Sight(NamedTuple):
     """An `ArmSampler`; None without an arm, and where no term reads it."""
     qpos: np.ndarray | None = None
     """State of all joints of the scene with the arm; None without an arm."""
+    waiting: Sequence[tuple[Any, ...]] = ()
+    """Velocities that were commanded and are not yet carried out, as `robosim.tasks.actions.DelayLine` has them."""
 
     @property
     def believed(self) -> mpm.Pose:

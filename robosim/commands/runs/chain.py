@@ -1,4 +1,4 @@
-"""`robosim chain`: a rehearsal's learned sub-tasks one after the other, without the arm."""
+"""`robosim chain`: a rehearsal's recorded sub-tasks one after the other, without the arm."""
 
 import argparse
 from pathlib import Path
@@ -13,8 +13,8 @@ EXAMPLE = """example:
 
 def add_parser(commands: Any) -> None:
     """Add `chain` to the command line."""
-    parser = commands.add_parser("chain", help="replay a rehearsal's learned sub-tasks in sequence, without the arm",
-                                 description="Replay the learned motions of a rehearsal's sub-tasks; each starts with "
+    parser = commands.add_parser("chain", help="replay a rehearsal's recorded sub-tasks in sequence, without the arm",
+                                 description="Replay the recorded motions of a rehearsal's sub-tasks; each starts with "
                                  "the grains that the one before left in the tool. Exit status 0 only if the whole "
                                  "sequence could be replayed.", epilog=EXAMPLE)
     parser.add_argument("rehearsal", help=one_of(config_names("rehearsals")))
@@ -23,7 +23,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--motions", type=Path, help="folder with a motion of each sub-task as TASK.npz (default: the "
                         "bundled motions)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
-    parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
+    parser.add_settings("rehearsal's file", "recorded=[SpoonScoop,SpoonTranslate]")
     parser.add_threads()
     parser.set_defaults(run=run, after_interrupt="chain.json has the finished sub-tasks; the same command begins again")
 

@@ -12,7 +12,7 @@ from robosim.studies.evaluation import NETWORK, POLICIES, SUITES
 
 EXAMPLE = """examples:
   robosim evaluate SpoonPour --policy scripted --out out/pour
-  robosim evaluate ShovelMove --policy learned --nominal --arm
+  robosim evaluate ShovelMove --policy recorded --nominal --arm
   robosim evaluate SpoonPour --policy out/runs/pour --suite wide --out out/wide"""
 
 

@@ -20,8 +20,8 @@ def add_parser(commands: Any) -> None:
                                  "nominal start. Exit status 0 only if every episode ran.")
     parser.add_argument("tasks", nargs="*", metavar="TASK",
                         help=f"of {', '.join(TASKS)}; or a task's .yaml file (default: all bundled sub-tasks)")
-    parser.add_argument("--policy", default="learned", help=one_of(POLICIES, "or a .npz file with an array `actions` "
-                        "(default: learned, the bundled motions)"))
+    parser.add_argument("--policy", default="recorded", help=one_of(POLICIES, "or a .npz file with an array `actions` "
+                        "(default: recorded, the bundled motions)"))
     parser.add_number("--jobs", default=1, help="number of episodes at the same time")
     parser.add_out("materials.json, .csv and .png; episodes that are finished there are not repeated")
     parser.add_settings("tasks' files", "success.delivered=0.9")

@@ -13,7 +13,7 @@ from robosim.rehearsal import CAMERAS
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
   robosim rehearse spoon --set field.cell=0.005 --set tool_wall=0.003 --out out/coarse
-  robosim rehearse bottle --trajectory learned --out out/bottle
+  robosim rehearse bottle --trajectory recorded --out out/bottle
   robosim rehearse spoon --perturb 8 --jobs 2 --out out/robust
   robosim rehearse spoon --recorded real.mcap --out out/real"""
 
@@ -27,9 +27,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("rehearsal", help=one_of(config_names("rehearsals")))
     parser.add_out("video, plots, report and data")
     parser.add_material("the rehearsal's")
-    parser.add_argument("--trajectory", choices=["script", "learned"], help="follow the file's waypoints, or the "
-                        "learned motions of its sub-tasks (default: what the file says)")
-    parser.add_argument("--motions", type=Path, help="folder with a learned motion of each sub-task as TASK.npz "
+    parser.add_argument("--trajectory", metavar="{script,recorded}", help="follow the file's waypoints, or the "
+                        "recorded motions of its sub-tasks (default: what the file says)")
+    parser.add_argument("--motions", type=Path, help="folder with a recorded motion of each sub-task as TASK.npz "
                         "(default: the bundled motions)")
     parser.add_argument("--recorded", type=Path, metavar="FILE", help="play what the real arm recorded of the motion, "
                         "and compare its joint angles with the plan, its wrist wrench with the simulated one: a .csv "
@@ -62,6 +62,8 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then rehearse."""
     if options.camera not in (*CAMERAS, FOLLOW):
         raise UnknownName("camera", options.camera, (*CAMERAS, FOLLOW))
+    if options.trajectory not in (None, "script", "recorded"):
+        raise UnknownName("trajectory", options.trajectory, ("script", "recorded"))
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
         if options.perturb is not None:
             return run_perturbed(options, rehearsal)

@@ -8,8 +8,8 @@ import numpy as np
 from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.clearance import Nearest, RobotClearance
-from robosim.planning.learned_motions import place_target
 from robosim.planning.plan import Plan, plan_motion
+from robosim.planning.recorded_motions import place_target
 from robosim.recordings.header import CurveEntry, WaypointEntry, floats
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.rehearsal.recorder import PATH_POINTS, counting_regions

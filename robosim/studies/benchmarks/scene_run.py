@@ -13,8 +13,8 @@ from robosim.config.materials import MaterialConfig, load_material, overridden
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import play
-from robosim.planning.learned_motions import place_target
 from robosim.planning.plan import plan_motion
+from robosim.planning.recorded_motions import place_target
 from robosim.rehearsal.metrics import compute_figures
 from robosim.rehearsal.run import RehearsalRun
 from robosim.studies.evaluation.policies import ScriptedPolicy

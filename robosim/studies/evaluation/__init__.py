@@ -7,7 +7,7 @@ from robosim.dosing import CONTROLLERS
 
 KNOWING = "knowing"
 """The script with its waypoints displaced as the target is: what a controller that knows the place reaches."""
-POLICIES = ("zero", "random", "scripted", KNOWING, "learned", *CONTROLLERS)
+POLICIES = ("zero", "random", "scripted", KNOWING, "recorded", *CONTROLLERS)
 """Policies by name, the controllers for dosing tasks alone; any other is the path of a .npz file."""
 NETWORK = "network"
 """The bundled policy that observes, of the sub-tasks that have one."""

@@ -33,7 +33,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     the environment. Returns 0. Raises ConfigError, UnknownName for what cannot be used, before any work."""
     episodes = episodes or (1 if nominal else 5)
     options |= training_options(name)
-    check_task(name, load_task(task), changed)
+    check_task(name, load_task(task), changed, options.get("arm") or None)
     made = make(task, **options)
     env = made.unwrapped
     assert isinstance(env, GrainEnv)

@@ -1,4 +1,4 @@
-"""`robosim materials`: one motion of each sub-task in materials that it was not learned in."""
+"""`robosim materials`: one motion of each sub-task in materials that it was not recorded in."""
 
 import sys
 from pathlib import Path
@@ -25,7 +25,7 @@ from robosim.studies.evaluation.tables import Rows, draw_map, format_table, make
 from robosim.tasks.task import load_task
 
 
-def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int = 1,
+def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int = 1,
               launcher: Launcher | None = None) -> int:
     """Run a policy's motion of every task in all materials, and write tables, a picture and a page into a folder.
 
@@ -64,7 +64,7 @@ def check_policy(task: str, name: str) -> None:
         raise ConfigError(f"{task}: a dosing task delivers no share of its grains; accepted: a task without a section "
                           f"dose; robosim evaluate {task} --material NAME evaluates a dose in another material")
     if name in POLICIES:
-        if name == "learned":
+        if name == "recorded":
             bundled_motion(task_name(task))  # raises where there is none
         if name in CONTROLLERS:
             numbers_of(load_task(task), f"policy {name!r}")
@@ -80,8 +80,8 @@ def check_policy(task: str, name: str) -> None:
 
 def list_inputs(task: str, name: str) -> list[Any]:
     """Return what an episode depends on besides the code: the task, the materials and the motion."""
-    path = bundled_motion(task_name(task)) if name == "learned" else Path(name)
-    motion = name if name in POLICIES and name != "learned" else read_bytes(path, MAX_ARRAYS).hex()
+    path = bundled_motion(task_name(task)) if name == "recorded" else Path(name)
+    motion = name if name in POLICIES and name != "recorded" else read_bytes(path, MAX_ARRAYS).hex()
     laws = [[load_material(base).model_dump(), numbers] for base, numbers in MATERIALS.values()]
     return [load_task(task).model_dump(), laws, digest(motion)]
 

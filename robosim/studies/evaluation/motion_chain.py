@@ -20,7 +20,7 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.film import CHAIN, EPISODE, try_film
 from robosim.episode.play import play
-from robosim.planning.learned_motions import find_motion
+from robosim.planning.recorded_motions import find_motion
 from robosim.recordings.reader import Recording
 from robosim.reports.page import Page
 from robosim.rewards.term import find_term
@@ -38,14 +38,14 @@ STARTS = {"from_settled_start": "its own start", "from_previous": "what was left
 
 def run_chain(name: str, out: Path, *, material: str | None = None, motions: Path | None = None,
               film: bool = True) -> int:
-    """Replay a rehearsal's learned motions in sequence.
+    """Replay a rehearsal's recorded motions in sequence.
 
     Writes chain.json and chain.mp4 into `out`. motions: folder with TASK.npz files; None: the bundled motions. Returns
     0, or 1 where the chain broke: the field diverged, or too little was left in a tool. Raises ConfigError before any
     work."""
-    chosen = {"trajectory": "learned", "material": material, "motions": motions and str(motions)}
+    chosen = {"trajectory": "recorded", "material": material, "motions": motions and str(motions)}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
-    paths = {task: find_motion(config, task) for task in config.learned}
+    paths = {task: find_motion(config, task) for task in config.recorded}
     rows, load, broken = list[dict[str, Any]](), None, ""
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from robosim.base.input_files import differing_entries
 from robosim.base.resources import trained
 from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
-from robosim.senses.perception import observation_options
+from robosim.senses.perception import Layout, observation_options
+from robosim.senses.senses import valid_terms
+from robosim.senses.term import SenseScene
 from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
 from robosim.tasks.actions import move_pose
@@ -45,7 +47,7 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
         return ScriptedPolicy(env, knows=name == KNOWING)
     if name in CONTROLLERS:
         return DosingPolicy(name, env)
-    if name == "learned":
+    if name == "recorded":
         bundled = bundled_motion(env.TASK)
         return ReplayPolicy(bundled, load_policy(bundled), env)
     if Path(name).is_file():
@@ -58,7 +60,7 @@ def bundled_motion(task: str) -> Path:
     """Return the file of a task's bundled motion; raises ConfigError where there is none."""
     path = trained(task)
     if path is None:
-        raise ConfigError(f"policy 'learned': there is no bundled motion for {task or 'this task'}; `robosim train` "
+        raise ConfigError(f"policy 'recorded': there is no bundled motion for {task or 'this task'}; `robosim train` "
                           f"learns one, give its .npz file")
     return path
 
@@ -86,18 +88,27 @@ def load_policy(path: Path) -> StoredArrays:
         # until release 0.1 action_repeat was called hold
         arrays = StoredArrays(path, {"action_repeat" if key == "hold" else key: array for key, array in stored.items()})
         arrays.integer("action_repeat", 1, 1, MAX_REPEAT)
-        for name in ("task", "obs", "bound"):
+        for name in ("task", "obs", "bound", "expert"):
             arrays.text(name, "")
     except (OSError, mpm.InvalidValue) as error:
         raise ConfigError(f"{error}") from None
     return arrays
 
 
-def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> None:
-    """Raise ConfigError where a network's file was learned on another task, or on another version of it.
+def check_task(name: str, task: TaskConfig, changed: Collection[str] = (), arm: Any = None) -> None:
+    """Raise ConfigError where a network's file was learned on another task, or on another version of it, or observes
+    terms that the task's environment does not have. arm: None without one.
     changed: top-level keys of the task's file that were changed on purpose."""
     arrays = load_policy(Path(name)) if Path(name).is_file() else StoredArrays(Path(name), {})
-    if "weight_0" not in arrays or "task_table" not in arrays:
+    if "weight_0" not in arrays:
+        return
+    terms, nothing = arrays.text("obs", "flat").split(","), None
+    valid = valid_terms(SenseScene(task, nothing, nothing, arm))  # pyright: ignore[reportArgumentType]
+    lacking = [one for one in terms if one not in valid]
+    if lacking and terms[0] not in get_args(Layout):
+        raise ConfigError(f"policy {name}: observes {', '.join(terms)}; this environment has no {', '.join(lacking)}; "
+                          f"it has {', '.join(valid)}")
+    if "task_table" not in arrays:
         return
     try:
         learned = json.loads(arrays.text("task_table", ""))
@@ -178,8 +189,9 @@ class ReplayPolicy:
 class NetworkPolicy:
     """A learned network: layers W x + b, each followed by the function that `activations` names.
 
-    `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that
-    the network was learned with. Raises ConfigError for a network that does not fit the environment."""
+    `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that the network was
+    learned with. With `residual` it corrects the `expert`, the script that knows, by at most that share of the action
+    range. Raises ConfigError, mpm.InvalidValue for a network that does not fit the environment."""
 
     FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
         "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
@@ -192,21 +204,32 @@ class NetworkPolicy:
             self._bound = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(arrays["bound"])]
         except KeyError as error:
             raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
+        given, own = arrays.text("obs", ""), env.world.observer.names
+        if given not in ("", own):
+            raise ConfigError(f"{path}: observes {given}; this environment observes {own}")
         inputs, outputs = _check_chain(path, [(W, b) for W, b, _ in self._layers])
         if env.observation_space.shape != (inputs,) or outputs != env.task.action.size:
-            raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes "
-                              f"{env.observation_space.shape} and takes {env.task.action.size}; the network was "
-                              f"learned with obs={arrays.get('obs', '?')} for {arrays.get('task', '?')}")
+            raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes {own}, "
+                              f"{env.observation_space.shape}, and takes {env.task.action.size}; the network was "
+                              f"learned for {arrays.get('task', '?')}")
         if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")
+        self._expert: Policy | None = None
+        if "expert" in arrays:
+            if (expert := arrays.text("expert", "")) != KNOWING:
+                raise ConfigError(f"{path}: corrects {expert!r}; accepted: {KNOWING}")
+            self._share, self._expert = arrays.numbers("residual").flat[0], ScriptedPolicy(env, knows=True)
 
     def __call__(self, observation: Any) -> np.ndarray:
         """Return the action for an observation (inputs,)."""
         x = observation
         for W, b, function in self._layers:
             x = function(W @ x + b)
-        return self._bound(x).astype(np.float32)
+        action = self._bound(x)
+        if self._expert is not None:
+            action = np.clip(self._expert(observation) + self._share * action, -1.0, 1.0)
+        return action.astype(np.float32)
 
 
 def _check_chain(path: Path, layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[int, int]:

@@ -23,11 +23,11 @@ from robosim.episode.play import play, read_scores
 from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.page import make_suite_page
 from robosim.studies.evaluation.policies import bundled_motion, check_task, load_policy, make_policy, training_options
-from robosim.studies.evaluation.suites import begin_episode, make_environment, plan_starts
+from robosim.studies.evaluation.suites import Start, begin_episode, make_environment, plan_starts
 from robosim.tasks.task import TaskConfig, load_task
 
 STILL = "zero"
-COMPARED = (KNOWING, "learned", "scripted", STILL)
+COMPARED = (KNOWING, "recorded", "scripted", STILL)
 """Policies whose episodes stand beside those of the policy that is scored; in dosing tasks the controllers do."""
 SCORES = ("normalised", "tcs")
 """Figures with an interquartile mean. normalised: share of the way from no motion (0) to the cap of the start (1)."""
@@ -56,22 +56,32 @@ def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None
         files |= find_policies(name)
     starts = plan_starts(suite, config, episodes or 50, material)
     files |= {other: [other] for other in compared(config) if not alone and [other] not in files.values()
-              and (other != "learned" or trained(task_name(task)) is not None)}
+              and (other != "recorded" or trained(task_name(task)) is not None)}
     files = {label: [policy_file(policy, task) for policy in policies] for label, policies in files.items()}
-    for policy in chain(*files.values()):
+    policies, rows = list(chain(*files.values())), list[Row]()
+    for policy in policies:
         check_task(policy, config, changed)
-    rows: list[Row] = []
+
+    def make_environments(start: Start) -> dict[str, GrainEnv]:
+        """Make one for each observation and action_repeat; raises ConfigError where a policy does not fit."""
+        envs: dict[str, GrainEnv] = {}
+        for policy in policies:
+            options = training_options(policy)
+            if str(options) not in envs:
+                envs[str(options)] = make_environment(config, start, **options)
+            make_policy(policy, envs[str(options)], start.seed)
+        return envs
+
+    first = make_environments(starts[0])
     with tempfile.TemporaryDirectory() as scratch, OutputFolder(out or Path(scratch)) as folder:
         folder.clear(RESULTS)
         progress = Progress(total=sum(map(len, files.values())) * len(starts), desc=f"{task_name(task)}, {suite}",
                             unit="episodes")
         for world in dict.fromkeys(start.world for start in starts):
-            members, envs = [(k, start) for k, start in enumerate(starts) if start.world == world], {}
+            members = [(k, start) for k, start in enumerate(starts) if start.world == world]
+            envs = first if world == starts[0].world else make_environments(members[0][1])
             for label, run, policy in [(label, *one) for label, runs in files.items() for one in enumerate(runs)]:
-                options = training_options(policy)
-                if str(options) not in envs:
-                    envs[str(options)] = make_environment(config, members[0][1], **options)
-                env: GrainEnv = envs[str(options)]
+                env = envs[str(training_options(policy))]
                 for k, start in members:
                     drawn = begin_episode(env, start)
                     total, info = play(env, make_policy(policy, env, start.seed), observation=env.observation)
@@ -117,9 +127,9 @@ def find_policies(name: str) -> dict[str, list[str]]:
 
 
 def policy_file(name: str, task: str) -> str:
-    """Return a policy's name or file, that of the bundled motion for "learned".
+    """Return a policy's name or file, that of the bundled motion for "recorded".
     Raises ConfigError for a file of another task, or where there is no bundled motion."""
-    if name == "learned":
+    if name == "recorded":
         return str(bundled_motion(task_name(task)))
     if Path(name).is_file():
         made_for = load_policy(Path(name)).text("task", "")

@@ -7,7 +7,7 @@ half the target, a delay and noise."""
 
 from typing import Any, NamedTuple
 
-from robosim.base.errors import UnknownName
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.envs.grain_env import GrainEnv
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import SUITES
@@ -55,8 +55,12 @@ def plan_starts(suite: str, task: TaskConfig, episodes: int, material: str | Non
 
 
 def make_environment(task: TaskConfig, start: Start, **options: Any) -> GrainEnv:
-    """Make the environment that episodes with a start's material and ranges run in."""
-    return GrainEnv(task=task, material=start.material, randomize=start.randomize, **dict(start.numbers), **options)
+    """Make the environment that episodes with a start's material and ranges run in.
+    Raises ConfigError for ranges that it cannot draw, by the name of the suite."""
+    try:
+        return GrainEnv(task=task, material=start.material, randomize=start.randomize, **dict(start.numbers), **options)
+    except ConfigError as error:
+        raise ConfigError(f"suite {start.randomize.removesuffix('_unseen')}: {error}") from None
 
 
 def begin_episode(env: GrainEnv, start: Start) -> dict[str, Any]:

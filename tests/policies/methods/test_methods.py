@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,6 +14,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 
 from policies.demonstrations.spline_search import sample_spline
 from policies.learners.learner import NOISE
+from policies.learning.environments import make_environment
 from policies.learning.options import TrainingOptions
 from policies.learning.presets import load_preset
 from policies.methods import method as registry
@@ -21,6 +23,7 @@ from policies.runs import checkpoint
 from policies.runs.episodes import Episodes
 from policies.runs.training import Training
 from robosim.base.resources import config_names
+from robosim.config.settings import Setting
 from robosim.episode.play import play
 from robosim.studies.evaluation.policies import make_policy, training_options
 
@@ -57,6 +60,27 @@ def test_the_example_of_a_method_runs_and_continues(tmp_path, monkeypatch):
             training.folder.close()
         returns[name] = [row["return"] for row in training.folder.rows]
     assert len(returns["whole"]) == 4 and returns["whole"] == returns["interrupted"]
+
+
+def test_a_correction_of_the_knowing_script_begins_as_the_script_and_stays_near_it(tmp_path):
+    """Also from its file; and from random starts nothing draws the actor to its best episode."""
+    changes = {"expert": "knowing", "obs": "goal_frame,pending,time", "episodes": 1, "actor.imitation": 0.5}
+    preset = load_preset("residual", [Setting(tuple(key.split(".")), value) for key, value in changes.items()])
+    (ranges := tmp_path / "ranges.yaml").write_text("place_x: [-0.1, 0.1]")
+    training = Training("residual", preset, "SpoonTranslate", tmp_path / "run", TrainingOptions(randomize=str(ranges)))
+    training.learn()
+    assert training.model.best is None
+    file, away = tmp_path / "run" / "best_policy.npz", tmp_path / "away.npz"
+    stored: Any = dict(np.load(file))
+    np.savez(away, **stored | {f"bias_{len(stored['activations']) - 1}": np.full(3, 9.0, np.float32)})
+    env: Any = make_environment("SpoonTranslate", randomize=str(ranges), **training_options(str(file))).unwrapped
+    env.reset(seed=5)
+    script, corrected, far = (make_policy(str(name), env, 0) for name in ("knowing", file, away))
+    for _ in range(5):
+        action = script(None)
+        assert corrected(env.observation) == pytest.approx(action, abs=1e-6)
+        assert far(env.observation) == pytest.approx(np.clip(action + preset.residual, -1, 1), abs=1e-6)
+        env.step(action)
 
 
 @pytest.mark.slow

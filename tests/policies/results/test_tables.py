@@ -128,7 +128,7 @@ def test_further_tables(tmp_path: Path) -> None:
         status["replayed"]["turn_error_deg"] = 2.2
         path.write_text(json.dumps(status | {"seconds": seconds}))
     write_run(tmp_path / "c", 0, 10.0, method="dg_sac_literal", material="sugar")  # another setting, not compared
-    for policy, score in (("learned", 52.0), ("scripted", 42.0)):  # one column each
+    for policy, score in (("recorded", 52.0), ("scripted", 42.0)):  # one column each
         (tmp_path / policy).mkdir()
         (tmp_path / policy / "materials.json").write_text(json.dumps({"policy": policy, "rows": [
             {"task": "SpoonPour", "material": "sugar", "score": score, "td_mm": 3.0, "delivered": 1.0},

@@ -27,9 +27,9 @@ def options(out, *more: str):
 
 
 def test_sub_tasks_are_those_of_the_rehearsals():
-    assert {name: tuple(tasks) for name, tasks in pipeline.learned_rehearsals().items()} == {
-        name: load_rehearsal(name).learned for name in ("bottle", "scoop", "shovel", "spoon")}
-    assert set(pipeline.DEMO_ARGUMENTS) < {task for tasks in pipeline.learned_rehearsals().values() for task in tasks}
+    assert {name: tuple(tasks) for name, tasks in pipeline.recorded_rehearsals().items()} == {
+        name: load_rehearsal(name).recorded for name in ("bottle", "scoop", "shovel", "spoon")}
+    assert set(pipeline.DEMO_ARGUMENTS) < {task for tasks in pipeline.recorded_rehearsals().values() for task in tasks}
 
 
 def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
@@ -66,7 +66,7 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
     assert [arguments[0] for arguments in calls] == ["train", "chain", "rehearse"]
     assert calls[2][calls[2].index("--grasp") + 1] == "friction"
     motions = {path.stem for path in (tmp_path / "motions").glob("*.npz")}
-    assert motions == set(pipeline.learned_rehearsals()["spoon"])
+    assert motions == set(pipeline.recorded_rehearsals()["spoon"])
     calls.clear()
     assert pipeline.Pipeline(options(tmp_path)).run() == 0 and calls == []
     pipeline.Pipeline(options(tmp_path, "--grasp", "weld")).run()
@@ -93,10 +93,10 @@ def test_settings_go_to_the_stages_of_the_rehearsal(tmp_path, monkeypatch):
         return ended(0)
 
     monkeypatch.setattr(subprocess, "Popen", start)
-    changed = options(tmp_path, "--set", "learned=[SpoonPour]", "--set", "field.cell=4e-3")
+    changed = options(tmp_path, "--set", "recorded=[SpoonPour]", "--set", "field.cell=4e-3")
     assert pipeline.Pipeline(changed).run() == 0
     assert [call[:3] for call in calls[:2]] == [["demo", "SpoonPour", "--out"], ["train", "residual", "SpoonPour"]]
-    given = ["--set", 'learned=["SpoonPour"]', "--set", "field.cell=0.004"]
+    given = ["--set", 'recorded=["SpoonPour"]', "--set", "field.cell=0.004"]
     assert [(call[0], call[-4:]) for call in calls[2:]] == [("chain", given), ("rehearse", given)]
     assert pipeline.Pipeline(changed).run() == 0 and len(calls) == 4
 

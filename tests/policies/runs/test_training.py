@@ -98,7 +98,7 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(("method", "obs"), [("bc", "dict"), ("gail", "dict"), ("pointnet_sac", "positions"),
-                                             ("sets_sac", "moments")])
+                                             ("pointnet_sac", "moments")])
 def test_layouts_that_a_method_cannot_observe_are_refused(tmp_path, method, obs):
     with pytest.raises(mpm.InvalidValue, match=f"obs {obs}; accepted"):
         train(method, "SpoonTranslate", tmp_path / "run", TrainingOptions(), obs=obs)

@@ -59,6 +59,8 @@ def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> N
 
 @pytest.mark.parametrize(("name", "text", "message"), [
     ("spoon", "collision_thickness=0.002", "--set collision_thickness: key 'collision_thickness' is now called 'tool_"),
+    ("spoon", "learned=[SpoonPour]", "--set learned: key 'learned' is now called 'recorded'; rename it"),
+    ("spoon", "trajectory=learned", "'script' or 'recorded' .given: 'learned'.; 'learned' is now called 'recorded'"),
     ("SpoonScoop", "container=source", "key 'container' is now called 'containers'; rename it"),
     ("SpoonScoop", "container_place.yaw_deg=90", "key 'container_place' is now called 'containers.NAME'; rename it"),
     ("DoseSpoon", "receiver.radius=0.04", "key 'receiver' is now called 'containers.receiver'; rename it"),

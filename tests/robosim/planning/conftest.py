@@ -1,4 +1,4 @@
-"""Learned motions for tests: plain ones with constant velocities."""
+"""Recorded motions for tests: plain ones with constant velocities."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.planning import learned_motions
-from robosim.planning.learned_motions import place_target
+from robosim.planning import recorded_motions
+from robosim.planning.recorded_motions import place_target
 from robosim.tasks.task import load_task
 
 
@@ -30,5 +30,5 @@ def write_motions(tmp_path: Path) -> Callable[..., Path]:
 def chained(write_motions: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> RehearsalConfig:
     """The rehearsal of the spoon with three plain motions."""
     folder = write_motions("SpoonScoop", "SpoonTranslate", "SpoonPour")
-    monkeypatch.setattr(learned_motions, "trained", lambda name: folder / f"{name}.npz")
-    return place_target(load_rehearsal("spoon", {"trajectory": "learned"}))
+    monkeypatch.setattr(recorded_motions, "trained", lambda name: folder / f"{name}.npz")
+    return place_target(load_rehearsal("spoon", {"trajectory": "recorded"}))

@@ -40,7 +40,7 @@ def test_every_script_can_be_planned(name: str) -> None:
     ("shovel", {"pile": None}, "0 kinds of places hold material"),
     ("shovel", {"area": None}, "0 kinds of places take material"),
     ("spoon", {"containers": {"bucket": {"position": [0.7, 0, 0]}}}, "unknown 'bucket'; valid: source, target, tray"),
-    ("bottle", {"trajectory": "learned", "learned": []}, "needs `learned`"),
+    ("bottle", {"trajectory": "recorded", "recorded": []}, "needs `recorded`"),
     ("bottle", {"weigh_at": "lifted"}, "needs a dwell"),
     ("pick_bottle", {"grasp": "weld"}, "pick with grasp: weld, trajectory: script; accepted: friction, script"),
     ("pick_bottle", {"gripper": "none"}, "pick with gripper: none; accepted: a gripper"),

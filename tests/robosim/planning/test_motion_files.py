@@ -1,40 +1,40 @@
-"""Files of learned motions, and the rehearsals that they fit."""
+"""Files of recorded motions, and the rehearsals that they fit."""
 
 import numpy as np
 import pytest
 
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import load_rehearsal
-from robosim.planning import learned_motions
-from robosim.planning.learned_motions import SAMPLING, find_motion, load_motion, place_target
-from robosim.planning.learned_path import LearnedPath
+from robosim.planning import recorded_motions
+from robosim.planning.recorded_motions import SAMPLING, find_motion, load_motion, place_target
+from robosim.planning.recorded_path import RecordedPath
 from robosim.tasks.task import load_task
 
 
 def test_motions_that_do_not_fit_are_refused(monkeypatch, write_motions):
-    monkeypatch.setattr(learned_motions, "trained", lambda name: None)
+    monkeypatch.setattr(recorded_motions, "trained", lambda name: None)
     with pytest.raises(ConfigError, match="no bundled motion for BottlePickPour"):
-        place_target(load_rehearsal("bottle", {"trajectory": "learned"}))
+        place_target(load_rehearsal("bottle", {"trajectory": "recorded"}))
     with pytest.raises(ConfigError, match="moves a shovel; the rehearsal's tool is bottle"):
-        place_target(load_rehearsal("bottle", {"trajectory": "learned", "learned": ["ShovelMove"]}))
+        place_target(load_rehearsal("bottle", {"trajectory": "recorded", "recorded": ["ShovelMove"]}))
     folder = write_motions("ScoopScoop")
-    monkeypatch.setattr(learned_motions, "trained", lambda name: folder / f"{name}.npz")
-    config = load_rehearsal("scoop", {"trajectory": "learned", "learned": ["ScoopScoop"]})
+    monkeypatch.setattr(recorded_motions, "trained", lambda name: folder / f"{name}.npz")
+    config = load_rehearsal("scoop", {"trajectory": "recorded", "recorded": ["ScoopScoop"]})
     rotated = config.model_copy(update={"containers": {
         name: box.model_copy(update={"yaw_deg": 0.0}) for name, box in config.containers.items()}})
     with pytest.raises(ConfigError, match="yaw_deg 90"):
         place_target(rotated)
 
 
-def test_a_motion_needs_the_start_it_was_learned_from():
+def test_a_motion_needs_the_start_it_was_recorded_from():
     """A full tool, a pile or a filled container; the target area moves with the motion."""
     with pytest.raises(ConfigError, match="begins with a full spoon"):
-        place_target(load_rehearsal("spoon", {"trajectory": "learned", "learned": ["SpoonTranslate"]}))
-    shovel = load_rehearsal("shovel", {"trajectory": "learned",
+        place_target(load_rehearsal("spoon", {"trajectory": "recorded", "recorded": ["SpoonTranslate"]}))
+    shovel = load_rehearsal("shovel", {"trajectory": "recorded",
                                        "pile": {"centre": [0.70, -0.08, 0.0075], "half": [0.02, 0.02, 0.0075]}})
     task, placed = load_task("ShovelMove"), place_target(shovel)
     assert placed.area.centre[:2] == pytest.approx(np.array(task.target.centre[:2]) + [-0.08, 0.02])
-    path = LearnedPath(placed)
+    path = RecordedPath(placed)
     begin = path.pose(0.0).position - task.start.position
     assert begin == pytest.approx([-0.08, 0.02, 0.0], abs=1e-9)
     assert place_target(load_rehearsal("shovel")) == load_rehearsal("shovel")
@@ -55,7 +55,7 @@ def test_a_pour_ends_after_the_actions_that_it_needs(write_motions):
 
 
 def test_motions_are_those_of_the_users_folder(tmp_path):
-    config = load_rehearsal("spoon", {"trajectory": "learned", "motions": str(tmp_path)})
+    config = load_rehearsal("spoon", {"trajectory": "recorded", "motions": str(tmp_path)})
     with pytest.raises(ConfigError, match=r"holds no SpoonScoop.npz; accepted: a folder with a motion of each"):
         find_motion(config, "SpoonScoop")
     (tmp_path / "SpoonScoop.npz").touch()

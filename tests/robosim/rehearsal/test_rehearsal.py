@@ -96,7 +96,7 @@ def test_divergence_keeps_the_last_good_state(short: Path, tmp_path: Path, monke
 @pytest.mark.slow
 @pytest.mark.parametrize("material", ["salt", "sugar", "flour"])
 @pytest.mark.parametrize("name, trajectory", [
-    ("pick_bottle", "script"), *itertools.product(("spoon", "scoop", "bottle", "shovel"), ("script", "learned"))])
+    ("pick_bottle", "script"), *itertools.product(("spoon", "scoop", "bottle", "shovel"), ("script", "recorded"))])
 def test_the_rehearsal_is_within_its_bounds(name: str, trajectory: str, material: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert rehearse(name, out, material=material, trajectory=trajectory) == 0

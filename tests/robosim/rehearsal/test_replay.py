@@ -52,7 +52,7 @@ def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recor
     recording, file = write_recording(tmp_path / "real.csv", table[::4]), str(ran.parent / "short.yaml")
     main(["rehearse", file, "--recorded", str(recording), "--no-video", "--out", str(tmp_path / "again")])
     report = json.loads((tmp_path / "again" / "report.json").read_text())
-    assert report["trajectory"] == "recorded"
+    assert report["trajectory"] == "replay"
     assert report["recorded_clock_offset_s"] == pytest.approx(CLOCK + load_rehearsal(file).grasp_time, abs=0.01)
     assert report["recorded_joint_difference_max_deg"] < 0.2  # what the servo leaves
     assert report["recorded_force_offset_N"] == pytest.approx(BIAS[:3], abs=0.1)

@@ -80,13 +80,17 @@ def test_delay_that_is_no_multiple_of_the_step_is_refused(delay: float):
         delay_steps(delay, 0.002)
 
 
-def test_delayed_actions_move_the_tool_later_by_their_delay():
-    actions, paths = (0.3 * np.random.default_rng(0).uniform(-1, 1, (10, 6))).astype(np.float32), []
+def test_delayed_actions_move_the_tool_later_by_their_delay_and_are_pending_until_then():
+    actions, paths, ahead = (0.3 * np.random.default_rng(0).uniform(-1, 1, (10, 6))).astype(np.float32), [], []
     for delay in (0.0, 0.06):
-        env = make("SpoonPour", obs=["tool"], action_delay=delay)
-        paths.append([env.reset(seed=0)[0]["tool"], *(env.step(action)[0]["tool"] for action in actions)])
+        env = make("SpoonPour", obs=["tool", "pending"], action_delay=delay)
+        seen = [env.reset(seed=0)[0], *(env.step(action)[0] for action in actions)]
+        paths.append(np.array([one["tool"] for one in seen]))
+        ahead.append(np.array([one["pending"][:3] for one in seen]) * env.task.action.speed * delay)
         env.close()
     np.testing.assert_allclose(paths[1][3:], paths[0][:8], atol=1e-6)
+    np.testing.assert_allclose(ahead[1][:8], paths[1][3:, :3] - paths[1][:8, :3], atol=1e-6)
+    assert not ahead[0].any() and ahead[1][1:].any()
 
 
 class NoMotion:

@@ -50,7 +50,7 @@ def test_a_score_of_no_motion_is_far_outside_what_grains_may_change(name: str) -
 @pytest.mark.parametrize("name", BUNDLED)
 def test_a_motion_earns_its_recorded_score(name: str) -> None:
     """From the nominal start, up to the fate of a few grains; without a collision where it scoops."""
-    episode, row = play_in_material(name, "learned", OWN), recorded(name)
+    episode, row = play_in_material(name, "recorded", OWN), recorded(name)
     assert episode["score"] == pytest.approx(row["score"], abs=score_of_grains(load_task(name)))
     assert episode["delivered"] == pytest.approx(row["delivered"], abs=GRAINS + 1e-9)
     assert episode["collisions"] == row["collisions"] and episode["diverged"] is None
@@ -67,7 +67,7 @@ def test_the_time_step_suits_all_thirteen_materials():
 def test_a_motion_deviates_in_another_material_only():
     """Not in its own one, and little in a smoother one; a carried load arrives in both."""
     assert load_task("SpoonTranslate").material == "salt"
-    episodes = {label: play_in_material("SpoonTranslate", "learned", label)
+    episodes = {label: play_in_material("SpoonTranslate", "recorded", label)
                 for label in (OWN, "salt", "salt, 10 deg smoother")}
     rows = make_rows({**dict.fromkeys(MATERIALS, episodes["salt"]), **episodes})
     assert rows["salt"]["td_mm"] == 0.0 and 0.0 < rows["salt, 10 deg smoother"]["td_mm"] < 10.0
@@ -106,7 +106,7 @@ def test_finished_episodes_are_kept(tmp_path, capsys):
     assert len(json.loads((tmp_path / "materials.json").read_text())["rows"]) == 13
     killed, launcher.asked = [], []
     assert command.materials(tasks, tmp_path, launcher=launcher) == 0
-    assert launcher.asked == [{"task": "SpoonPour", "name": "learned", "label": "flour"}]
+    assert launcher.asked == [{"task": "SpoonPour", "name": "recorded", "label": "flour"}]
     assert len(json.loads((tmp_path / "materials.json").read_text())["rows"]) == 26
     assert (tmp_path / "materials.png").stat().st_size > 10_000 and "1.0 (0.0)" in capsys.readouterr().out
     assert len((tmp_path / "materials.csv").read_text().splitlines()) == 27

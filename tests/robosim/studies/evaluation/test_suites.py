@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import evaluate as one_task
 from robosim.studies.evaluation import suite_run
 from robosim.studies.evaluation.evaluate import evaluate
-from robosim.studies.evaluation.policies import check_task
+from robosim.studies.evaluation.policies import check_task, make_policy
 from robosim.studies.evaluation.suite_run import COMPARED, compared, evaluate_suite, find_policies, normalise
 from robosim.studies.evaluation.suites import plan_starts
 from robosim.tasks.counting import TOOL
@@ -104,6 +105,34 @@ def test_a_network_is_refused_for_another_version_of_its_task(tmp_path: Path) ->
         check_task(str(path), task)
 
 
+@pytest.mark.parametrize(("changed", "message"), [
+    ({"obs": "joints,time"}, "p.npz: observes joints, time; this environment has no joints; it has grains, .*time"),
+    ({"obs": "tool"}, r"p.npz: takes 5 numbers and gives 3; this environment observes tool, \(3,\), and takes 3"),
+    ({"weight_0": np.full((3, 3), np.nan, np.float32)}, "p.npz: weight_0: holds numbers that are not finite")])
+def test_a_network_that_does_not_fit_is_refused_before_anything_is_written(
+        tmp_path: Path, changed: dict[str, Any], message: str) -> None:
+    path, out = tmp_path / "p.npz", tmp_path / "out"
+    np.savez(path, **{"weight_0": np.zeros((3, 5), np.float32), "bias_0": np.zeros(3, np.float32), "bound": "tanh",
+                      "activations": ["none"], "obs": "tool", "task": "SpoonTranslate", **changed})
+    for run in (lambda: evaluate("SpoonTranslate", str(path), out),
+                lambda: evaluate_suite("SpoonTranslate", ["scripted", str(path)], "hard", out, episodes=1)):
+        with pytest.raises(ConfigError, match=message):
+            run()
+    with pytest.raises(ConfigError, match="p.npz: .*(this environment observes flat|not finite)"):
+        make_policy(str(path), GrainEnv(task="SpoonTranslate"), 0)
+    assert not out.exists()
+
+
+def test_a_suite_that_cannot_be_drawn_is_refused_by_its_range(tmp_path: Path) -> None:
+    source = (task := load_task("SpoonScoop")).containers["source"]
+    full = source.model_copy(update={"fill_height": 0.9 * source.fill_height * 1.5})
+    file, out = tmp_path / "full.yaml", tmp_path / "out"
+    file.write_text(task.model_copy(update={"containers": {"source": full}}).model_dump_json())
+    with pytest.raises(ConfigError, match="suite hard: randomize: fill = 1.5, surface_slope_deg = .* accepted: up to "):
+        evaluate_suite(str(file), ["zero"], "hard", out, episodes=1)
+    assert not out.exists()
+
+
 def test_a_bundled_network_is_a_policy_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without any, "network" is no name of a policy; a task without one is refused by naming those with one."""
     monkeypatch.setattr("robosim.commands.runs.evaluate.trained_network", lambda task: None)
@@ -120,7 +149,7 @@ def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: py
     assert evaluate_suite("SpoonTranslate", ["scripted"], "wide", tmp_path, episodes=2) == 0
     rows = list(csv.DictReader((tmp_path / "evaluation.csv").read_text().splitlines()))
     names = list(dict.fromkeys(row["policy"] for row in rows))
-    assert names == ["scripted", "knowing", "learned", "zero"] and (tmp_path / "evaluation.png").is_file()
+    assert names == ["scripted", "knowing", "recorded", "zero"] and (tmp_path / "evaluation.png").is_file()
     starts = [[(row["seed"], row["tool_x"], row["place_yaw_deg"]) for row in rows if row["policy"] == name]
               for name in names]
     assert starts[0] == starts[1] == starts[2] == starts[3] and len(set(starts[0])) == 2

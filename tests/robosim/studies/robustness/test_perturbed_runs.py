@@ -72,7 +72,7 @@ def test_options_that_do_not_go_together_are_refused(tmp_path: Path, capsys: pyt
     assert "--jobs 2 without --perturb; accepted: with it" in capsys.readouterr().err
     assert main(["rehearse", "spoon", "--perturb", "2", "--motions", str(tmp_path), "--trajectory", "script", "--out",
                  str(tmp_path / "out")]) == 2
-    assert "accepted: with --trajectory learned" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    assert "accepted: with --trajectory recorded" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_crashes_do_not_count_as_held(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

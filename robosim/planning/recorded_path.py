@@ -1,5 +1,6 @@
-"""Learned motions in sequence as a path that the arm can follow.
-Each motion begins where the one before ends, levelled and at its own start height. Learned motions change their speed
+"""Recorded motions in sequence as a path that the arm can follow.
+
+Each motion begins where the one before ends, levelled and at its own start height. Recorded motions change their speed
 abruptly every 20 ms: they are smoothed by a moving average, shifted away from containers, which learning does not
 include, and time-scaled where the arm needs it."""
 
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.geometry.rigid_motion import Pose
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.planning.learned_motions import SAMPLING, PoseSequence, load_sequence
+from robosim.planning.recorded_motions import SAMPLING, PoseSequence, load_sequence
 from robosim.planning.waypoint_path import check_duration
 from robosim.scene.container_clearance import ContainerSurface
 
@@ -37,8 +38,8 @@ SHIFT_TOLERANCE = 1e-4
 """Missing clearance [m] that is accepted at the end."""
 
 
-class LearnedPath:
-    """Tool poses over time along the learned motions of a rehearsal, in world axes."""
+class RecordedPath:
+    """Tool poses over time along the recorded motions of a rehearsal, in world axes."""
 
     def __init__(self, config: RehearsalConfig) -> None:
         self.config, raw = config, _RawPath(config)
@@ -57,7 +58,7 @@ class LearnedPath:
     def _resample(self) -> None:
         """Sample the path again with the present step times, and smooth it."""
         raw_times = np.concatenate([[0.0], np.cumsum(self._step_times)])
-        check_duration(float(raw_times[-1]), self.config.host_dt, f"{len(raw_times)} poses of learned motions, slowed "
+        check_duration(float(raw_times[-1]), self.config.host_dt, f"{len(raw_times)} poses of recorded motions, slowed "
                        f"down to the arm's limits")
         times = np.linspace(0.0, raw_times[-1], round(raw_times[-1] / SAMPLING) + 1)
         positions, quaternions = [
@@ -72,7 +73,7 @@ class LearnedPath:
         self.smoothing_deviation = float(np.linalg.norm(self._positions - positions, axis=1).max())
         """Largest distance [m] between the path before and after smoothing."""
         self.time_scale = float(self.duration / (SAMPLING * len(self._step_times)))
-        """Duration over that of the learned motions, rests included."""
+        """Duration over that of the recorded motions, rests included."""
 
     def slow_down(self, times: np.ndarray, factors: np.ndarray) -> None:
         """Scale the time about `times` [s] (n,) of the present path by factors (n,); those below 1 count as 1."""

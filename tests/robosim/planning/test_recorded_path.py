@@ -1,4 +1,4 @@
-"""Learned motions as paths of the arm: sequence, smoothing, time scaling, clearance."""
+"""Recorded motions as paths of the arm: sequence, smoothing, time scaling, clearance."""
 
 import numpy as np
 import pytest
@@ -6,16 +6,16 @@ from scipy.spatial.transform import Rotation
 
 import mpm
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.planning.learned_motions import place_target
-from robosim.planning.learned_path import (
+from robosim.planning.plan import plan_motion
+from robosim.planning.recorded_motions import place_target
+from robosim.planning.recorded_path import (
     CLEARANCE,
     CONNECTION_SPEED,
     SHIFT_TOLERANCE,
     SMOOTHING,
     WEIGHING_TIME,
-    LearnedPath,
+    RecordedPath,
 )
-from robosim.planning.plan import plan_motion
 from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
@@ -27,12 +27,12 @@ def test_each_motion_begins_where_the_one_before_ends(chained):
     """Each moves 4 cm along y, from the position over the source on; height and attitude are the motion's own.
 
     The target container stands where the last one pours."""
-    tasks = [load_task(name) for name in chained.learned]
-    path = LearnedPath(chained)
+    tasks = [load_task(name) for name in chained.recorded]
+    path = RecordedPath(chained)
     offset = np.array(chained.containers["source"].position) - tasks[0].containers["source"].position
     begin = np.array(tasks[0].start.position) + offset
     for k, task in enumerate(tasks):
-        pose = path.pose(path.times[chained.learned[k]])
+        pose = path.pose(path.times[chained.recorded[k]])
         assert pose.position[:2] == pytest.approx(begin[:2] + [0.0, 0.04 * k], abs=2e-3)
         assert pose.position[2] == pytest.approx(task.start.position[2] + offset[2] * (k == 0), abs=2e-3)
         angle = Rotation.from_matrix(pose.matrix.T @ task.start.pose.matrix).magnitude()
@@ -48,7 +48,7 @@ def test_each_motion_begins_where_the_one_before_ends(chained):
 
 def test_the_path_has_no_speed_jumps(chained):
     """Where a motion changes from v to -v at once, accelerations are at most 2 v / SMOOTHING."""
-    path = LearnedPath(chained)
+    path = RecordedPath(chained)
     times = np.arange(0.0, path.duration, 0.01)
     positions = np.array([path.pose(t).position for t in times])
     speed = np.diff(positions, axis=0) / 0.01
@@ -63,7 +63,7 @@ def test_the_path_has_no_speed_jumps(chained):
 
 def test_slowing_down_keeps_the_positions(chained):
     """With twice the duration the same positions follow at twice the time, within the smoothing deviation."""
-    path, slow = LearnedPath(chained), LearnedPath(chained)
+    path, slow = RecordedPath(chained), RecordedPath(chained)
     times = np.linspace(0.0, path.duration, 200)
     slow.slow_down(times, np.full(200, 2.0))
     assert slow.duration == pytest.approx(2.0 * path.duration, rel=1e-3)
@@ -72,7 +72,7 @@ def test_slowing_down_keeps_the_positions(chained):
         allowed = 2.0 * path.smoothing_deviation + 1e-6
         assert slow.pose(2.0 * t).position == pytest.approx(path.pose(t).position, abs=allowed)
     assert slow.smoothing_deviation < 0.7 * path.smoothing_deviation
-    faster = LearnedPath(chained)
+    faster = RecordedPath(chained)
     faster.slow_down(times, np.full(200, 0.3))
     assert faster.duration == pytest.approx(path.duration)
 
@@ -94,14 +94,14 @@ def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
     floor is in the middle of the bowl needs more than the largest shift and is unchanged."""
     action = load_task("SpoonScoop").action
     head = tool_shape("spoon").mesh.vertices
-    height = LearnedPath(chained).pose(0.0).apply(head)[:, 2].min() - chained.containers["source"].position[2]
+    height = RecordedPath(chained).pose(0.0).apply(head)[:, 2].min() - chained.containers["source"].position[2]
 
-    def make_path(depth: float) -> LearnedPath:
+    def make_path(depth: float) -> RecordedPath:
         rows = np.outer(np.repeat([-1.0, 1.0], 50), [0.0, 0.0, depth / action.speed, 0.0, 0.0, 0.0])
         np.savez(tmp_path / "SpoonScoop.npz", actions=rows, action_repeat=10)
-        return LearnedPath(chained)
+        return RecordedPath(chained)
 
-    def least_gap(path: LearnedPath) -> float:
+    def least_gap(path: RecordedPath) -> float:
         return min(compute_gap(chained, path.pose(t)) for t in np.arange(0.0, path.times["SpoonTranslate"], 0.02))
 
     above, into, through = make_path(height - 0.01), make_path(height + 0.001), make_path(height + 0.04)
@@ -118,5 +118,5 @@ def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
 @pytest.mark.slow
 def test_the_scoops_bundled_motions_are_within_reach():
     """They go farthest: with the container at the arm's side the tray was out of reach by 5 mm."""
-    plan = plan_motion(place_target(load_rehearsal("scoop", {"trajectory": "learned"})))
+    plan = plan_motion(place_target(load_rehearsal("scoop", {"trajectory": "recorded"})))
     assert plan.solution.margin > 0.01 and plan.path.time_scale < 1.5

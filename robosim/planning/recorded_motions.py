@@ -1,4 +1,5 @@
-"""Learned motions of sub-tasks, from their files, and in sequence: each translated to the end of the one before.
+"""Recorded motions of sub-tasks, from their files, and in sequence: each translated to the end of the one before.
+
 The files are bundled with the package, or in the user's folder."""
 
 from pathlib import Path
@@ -35,7 +36,7 @@ class SubTaskMotion(NamedTuple):
     poses: PoseSequence
     """Where the rehearsal carries it out."""
     offset: np.ndarray
-    """Translation (3,) [m] from where it was learned."""
+    """Translation (3,) [m] from where it was recorded."""
 
 
 def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
@@ -43,10 +44,10 @@ def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
     The first begins at the rehearsal's material, each other where the one before ends, at its own height. Raises
     ConfigError for a motion that is missing or does not fit the rehearsal."""
     sequence: list[SubTaskMotion] = []
-    for name in config.learned:
+    for name in config.recorded:
         task = load_task(name)
         if task.tool != config.tool:
-            raise ConfigError(f"learned: {name} moves a {task.tool_name}; the rehearsal's tool is {config.tool_name}")
+            raise ConfigError(f"recorded: {name} moves a {task.tool_name}; the rehearsal's tool is {config.tool_name}")
         motion = load_motion(find_motion(config, name), name, task)
         if sequence:
             offset = (sequence[-1].poses.positions[-1] - motion.positions[0]) * [1, 1, 0]
@@ -58,7 +59,7 @@ def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
 
 
 def place_target(config: RehearsalConfig) -> RehearsalConfig:
-    """Move the target of a rehearsal to where its last learned motion delivers.
+    """Move the target of a rehearsal to where its last recorded motion delivers.
     The target is a container or an area. The rehearsal of a script is returned unchanged. Raises ConfigError as
     `load_sequence` does."""
     if config.trajectory == "script":
@@ -72,19 +73,19 @@ def place_target(config: RehearsalConfig) -> RehearsalConfig:
 
 
 def _compute_first_offset(config: RehearsalConfig, name: str, task: TaskConfig) -> np.ndarray:
-    """Translation (3,) [m] from where the first motion was learned to where the rehearsal's material is."""
+    """Translation (3,) [m] from where the first motion was recorded to where the rehearsal's material is."""
     if task.container is not None:
-        own, learned = config.containers.get(task.container), task.containers[task.container]
-        if own is None or task.container not in config.sources or own.yaw_deg != learned.yaw_deg:
-            raise ConfigError(f"learned: {name} was learned over a filled container {task.container!r} with yaw_deg "
-                              f"{learned.yaw_deg:g}; accepted: one like it in containers")
-        return np.array(own.position) - np.array(learned.position)
+        own, recorded = config.containers.get(task.container), task.containers[task.container]
+        if own is None or task.container not in config.sources or own.yaw_deg != recorded.yaw_deg:
+            raise ConfigError(f"recorded: {name} was recorded over a filled container {task.container!r} with yaw_deg "
+                              f"{recorded.yaw_deg:g}; accepted: one like it in containers")
+        return np.array(own.position) - np.array(recorded.position)
     if task.pile is not None:
         if config.pile is None:
-            raise ConfigError(f"learned: {name} was learned on a pile; accepted: a `pile` on the table")
+            raise ConfigError(f"recorded: {name} was recorded on a pile; accepted: a `pile` on the table")
         return (np.array(config.pile.centre) - np.array(task.pile.centre)) * [1, 1, 0]
     if config.tool_fill_height is None:
-        raise ConfigError(f"learned: {name} begins with a full {task.tool_name}; accepted: a tool_fill_height, or a "
+        raise ConfigError(f"recorded: {name} begins with a full {task.tool_name}; accepted: a tool_fill_height, or a "
                           f"motion that fills it first")
     return np.zeros(3)
 
@@ -95,7 +96,7 @@ def find_motion(config: RehearsalConfig, name: str) -> Path:
         path = Path(config.motions) / f"{name}.npz"
         if not path.is_file():
             raise ConfigError(f"motions {config.motions}: holds no {name}.npz; accepted: a folder with a motion of "
-                              f"each of {', '.join(config.learned)}")
+                              f"each of {', '.join(config.recorded)}")
         return path
     path = trained(name)
     if path is None:
