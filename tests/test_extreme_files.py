@@ -47,7 +47,7 @@ STEPS = -(-TASK.steps // 10)
 ENV: Any = type("Env", (SimpleNamespace,), {"TASK": "SpoonTranslate"})(
     source="SpoonTranslate", task=TASK, material=load_material("salt"), action_repeat=10,
     observation=np.zeros(5), observation_space=SimpleNamespace(shape=(5,)), solver=SimpleNamespace(),
-    world=SimpleNamespace(grains=lambda: np.zeros((4, 6))), step_count=0)
+    world=SimpleNamespace(grains=lambda: np.zeros((4, 6)), observer=SimpleNamespace(names="flat")), step_count=0)
 """What readers ask an environment for."""
 MOVE = load_task("ShovelMove")
 SOLVER: Any = SimpleNamespace(

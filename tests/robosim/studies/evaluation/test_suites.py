@@ -135,11 +135,11 @@ def test_a_suite_that_cannot_be_drawn_is_refused_by_its_range(tmp_path: Path) ->
 
 def test_a_bundled_network_is_a_policy_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without any, "network" is no name of a policy; a task without one is refused by naming those with one."""
-    monkeypatch.setattr("robosim.commands.runs.evaluate.trained_network", lambda task: None)
+    monkeypatch.setattr("robosim.commands.runs.evaluate.trained", lambda task, kind: None)
     with pytest.raises(UnknownName, match="network"):
         check_policy(find_network("network", "SpoonPour"))
-    monkeypatch.setattr("robosim.commands.runs.evaluate.trained_network",
-                        lambda task: Path("p.npz") if task == "SpoonPour" else None)
+    monkeypatch.setattr("robosim.commands.runs.evaluate.trained",
+                        lambda task, kind: Path("p.npz") if task == "SpoonPour" else None)
     assert find_network("network", "SpoonPour") == "p.npz" and find_network("zero", "SpoonPour") == "zero"
     with pytest.raises(ConfigError, match="none is bundled for ShovelMove; accepted: for SpoonPour;"):
         find_network("network", "ShovelMove")
