@@ -1,12 +1,16 @@
 """Pictures of a MuJoCo scene with its grains."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from robosim.base.errors import RobosimError
 from robosim.config.scene import RegionConfig
-from robosim.rendering.grain_skin import FACES, compute_normals, find_hidden, read_facets
+from robosim.rendering.grain_skin import FACES, compute_normals, find_surface, read_facets
+from robosim.rendering.soft_shadows import MAP_SIZE, View, occlude, shade
 
 Array = NDArray[np.float64]
 
@@ -14,7 +18,14 @@ TARGET_MARK = "target_mark"
 """Body and geom of it."""
 MARK_THICKNESS = 0.0015
 """Half thickness [m] of a mark on the table."""
-CELL_IN_RADII = 3.0
+SMOOTHING = 2
+"""Samples along a pixel's edge."""
+SHADE = 0.55
+"""Share of a surface's light that the key light gives it, and a shadow takes."""
+HEAP = 2.0
+"""Weight of a heap's normal beside that of a grain's face."""
+MOST_GEOMS = 10_000
+CELL_IN_RADII = 4.0
 """Side of the cubes that find hidden grains, in radii: large enough that few inside a heap are empty by chance."""
 APT_COMMAND = "apt-get install -y --no-install-recommends libegl1 libgl1"
 
@@ -32,7 +43,7 @@ class SceneRenderer:
     width, height: in pixels. Raises RenderingUnavailable."""
 
     def __init__(self, model: mujoco.MjModel, grain_count: int, width: int = 1280, height: int = 720) -> None:
-        self._model = model
+        self._model, self._size = model, (height, width)
         self._facets = read_facets(model, grain_count)
         self._radius = float(np.linalg.norm(self._facets, axis=2).mean()) if grain_count else 0.0
         shape = (len(self._facets), len(FACES), 3, 3)
@@ -41,7 +52,10 @@ class SceneRenderer:
         a, b, c = np.moveaxis(self._facets, 2, 0)
         self._outward = np.cross(b - a, c - a)
         """Normals (n, 8, 3) of the faces, not of unit length."""
-        self._renderer = open_renderer(model, width, height)
+        screen = model.vis.global_
+        screen.offwidth, screen.offheight = (max(SMOOTHING * n, MAP_SIZE) for n in (width, height))
+        self._gl, self._context = open_context(model, screen.offwidth, screen.offheight)
+        self._scene = mujoco.MjvScene(model, MOST_GEOMS)
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)  # without collision geoms
         self._option.sitegroup[:] = 0
@@ -54,13 +68,38 @@ class SceneRenderer:
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
-        self._renderer.update_scene(data, camera, self._option)
-        for geom in self._renderer.scene.geoms[: self._renderer.scene.ngeom]:
-            if geom.rgba[3] < 1.0:  # decoration casts no shadow; that of a clear wall would be as dark as a solid one's
-                geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+        if isinstance(camera, str):
+            name, camera = camera, mujoco.MjvCamera()
+            camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(name).id
+        scene, (height, width) = self._scene, self._size
+        mujoco.mjv_updateScene(self._model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
         if len(self._facets):
             self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32), marked)
-        return self._renderer.render()
+        self._gl.make_current()
+        view = View.of(scene)
+        picture, depth = self._read(view, SMOOTHING * height, SMOOTHING * width, True)
+        colours = Image.fromarray(picture).reduce(SMOOTHING)
+        light = next((light for light in scene.lights[: scene.nlight] if light.castshadow), None)
+        if light is None:
+            return np.asarray(colours)
+        radius = self._model.vis.map.shadowscale * self._model.stat.extent
+        distances = view.distance(depth[::SMOOTHING, ::SMOOTHING])
+        lit = shade(distances, view, View.of_light(light, self._model.stat.center, radius),
+                    lambda view: self._read(view, MAP_SIZE, MAP_SIZE, False)[1])
+
+        factor = occlude(distances, view) * (1.0 - SHADE * (1.0 - lit))
+        return (np.asarray(colours) * factor[..., None]).astype(np.uint8)
+
+    def _read(self, view: View, height: int, width: int, sky: bool) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return colours (height, width, 3) and the depth buffer of a view. sky: which is a sphere within its range."""
+        view.enter(self._scene)
+        flag, flags = mujoco.mjtRndFlag, self._scene.flags
+        flags[flag.mjRND_SHADOW], flags[flag.mjRND_SKYBOX], flags[flag.mjRND_HAZE] = False, sky, sky
+        rectangle = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(rectangle, self._scene, self._context)
+        picture, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
+        mujoco.mjr_readPixels(picture, depth, rectangle, self._context)
+        return picture[::-1], depth[::-1]
 
     def _place_grains(self, positions: NDArray[np.floating], marked: NDArray[np.bool_] | None = None) -> None:
         """Overwrite the skins, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
@@ -68,8 +107,8 @@ class SceneRenderer:
         if count > len(self._facets):
             raise ValueError(f"positions of {count} grains; accepted: at most {len(self._facets)}, as many as the "
                              f"scene's skin has")
-        visible = np.flatnonzero(~find_hidden(positions, CELL_IN_RADII * self._radius))
-        scene = self._renderer.scene
+        visible, outward = find_surface(positions, CELL_IN_RADII * self._radius)
+        scene = self._scene
         # faces that look away from the camera are behind others of their grain
         eye = 0.5 * (np.array(scene.camera[0].pos) + np.array(scene.camera[1].pos))
         sight = (eye - positions[visible]).astype(np.float32)
@@ -82,21 +121,14 @@ class SceneRenderer:
             # only the first vertices of a skin are filled, streamed and drawn
             vertices = self._facets[shown, shown_face] + positions[shown, None]
             scene.skinvert[begin : begin + 3 * used] = vertices.ravel()
-            scene.skinnormal[begin : begin + 3 * used] = self._normals[shown, shown_face].ravel()
+            normals = self._normals[shown, shown_face] + HEAP * outward[grain[chosen], None]
+            scene.skinnormal[begin : begin + 3 * used] = normals.ravel()
             scene.skinvertnum[skin], scene.skinfacenum[skin] = used, used // 3
 
     def close(self) -> None:
         """Free the OpenGL context; osmesa prints errors at interpreter exit otherwise."""
-        self._renderer.close()
-
-
-def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0) -> None:
-    """Set the shadow map's side in texels, the samples per pixel and a largest frame of 1920 x 1080.
-    A software rasteriser takes about twice the time for 4 samples."""
-    spec.visual.quality.shadowsize = shadow_size
-    spec.visual.quality.offsamples = samples
-    screen = getattr(spec.visual, "global")  # a Python keyword
-    screen.offwidth, screen.offheight = 1920, 1080
+        self._context.free()
+        self._gl.free()
 
 
 def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
@@ -110,11 +142,17 @@ def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
                   rgba=[0.20, 0.60, 0.35, 0.55 if flat else 0.12])
 
 
-def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
-    """Open an offscreen renderer of width x height pixels. Raises RenderingUnavailable."""
+def open_context(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, mujoco.MjrContext]:
+    """Open an OpenGL context, and MuJoCo's for a model, for pictures of width x height pixels at most.
+    Raises RenderingUnavailable."""
     if not hasattr(mujoco, "GLContext"):  # the case with MUJOCO_GL=disable
         raise RenderingUnavailable("MuJoCo was loaded without its GL modules")
     try:
-        return mujoco.Renderer(model, height, width)
+        gl = mujoco.GLContext(width, height)
+        gl.make_current()
+        context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
     except (mujoco.FatalError, ImportError, AttributeError, OSError, RuntimeError) as fault:
         raise RenderingUnavailable(fault) from fault
+    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+    context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+    return gl, context

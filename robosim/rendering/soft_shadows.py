@@ -1,0 +1,124 @@
+"""Soft shadows and ambient occlusion, computed from what the light and the camera see.
+The shadow map of OpenGL has hard, stepped edges and doubles the time of a frame on a software rasteriser."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import correlate1d, uniform_filter
+
+Array = NDArray[np.float32]
+
+MAP_SIZE = 1024
+"""Side of the light's depth map [texels]."""
+PENUMBRA = 0.008
+"""Half width of a shadow's edge [m]."""
+SHARPNESS = 80.0
+"""Of the shadow test [1/m]: a surface this much behind another, 1 / SHARPNESS, has a third of its light."""
+BIAS, FADE = 0.007, 8.0
+"""Depth [m] behind a surface that counts as on it, and steepness with which shadows end at the map's edge."""
+OCCLUSION, REACH = 0.6, 0.03
+"""Share of the light that a gap loses at most, and the distance [m] up to which surfaces count as around it."""
+TAPS = [(2.4 * k, np.sqrt((k + 1) / 6)) for k in range(6)]
+"""Directions [rad] and shares of REACH, on a spiral: there and opposite the surroundings are looked at."""
+
+
+class View(NamedTuple):
+    """A perspective camera of a scene."""
+
+    position: np.ndarray
+    axes: np.ndarray
+    """Rows: right, up, forward."""
+    near: float
+    far: float
+    top: float
+    """Of the frustum, at its near plane [m]; symmetric."""
+
+    @staticmethod
+    def of(scene: mujoco.MjvScene) -> "View":
+        """Return the camera of a scene: the middle between its two eyes."""
+        left, right = scene.camera[:2]
+        forward, up = np.array(left.forward, float), np.array(left.up, float)
+        return View(0.5 * (np.array(left.pos, float) + np.array(right.pos)), np.stack([np.cross(forward, up), up,
+                    forward]), left.frustum_near, left.frustum_far, left.frustum_top)
+
+    @staticmethod
+    def of_light(light: Any, centre: np.ndarray, radius: float) -> "View":
+        """Return the view from a light of a sphere [m]; a directional light is far away."""
+        aim = np.array(light.dir, float)
+        is_near = light.type == mujoco.mjtLightType.mjLIGHT_SPOT
+        eye = np.array(light.pos, float) if is_near else centre - 8.0 * radius * aim
+        distance = float(np.linalg.norm(centre - eye))
+        forward = (centre - eye) / distance
+        right = np.cross(forward, (0.0, 1.0, 0.0) if abs(forward[1]) < 0.9 else (1.0, 0.0, 0.0))
+        right /= np.linalg.norm(right)
+        near = max(distance - 1.5 * radius, 0.05 * distance)
+        return View(eye, np.stack([right, np.cross(right, forward), forward]), near, distance + 1.5 * radius,
+                    near * radius / distance)
+
+    def enter(self, scene: mujoco.MjvScene) -> None:
+        """Make it the camera of a scene."""
+        for eye in scene.camera[:2]:
+            eye.pos[:], eye.forward[:], eye.up[:] = self.position, self.axes[2], self.axes[1]
+            eye.frustum_near, eye.frustum_far, eye.frustum_center = self.near, self.far, 0.0
+            eye.frustum_top, eye.frustum_bottom = self.top, -self.top
+
+    def distance(self, buffer: Array) -> Array:
+        """Return depths [m] along the axis from a depth buffer that is 1 at the near plane and 0 at the far one."""
+        return self.near * self.far / (self.near + buffer * np.float32(self.far - self.near))
+
+    def rays(self, height: int, width: int) -> Array:
+        """Return the points (3, height, width) [m] at depth 1 of all pixels, from the camera, in the world's axes."""
+        half = self.top / self.near
+        y = half * (1.0 - 2.0 * (np.arange(height) + 0.5) / height)
+        x = half * width / height * (2.0 * (np.arange(width) + 0.5) / width - 1.0)
+        grid = np.stack(np.broadcast_arrays(x[None], y[:, None], 1.0))
+        return np.einsum("ik,ihw->khw", self.axes, grid).astype(np.float32)
+
+
+def shade(depth: Array, camera: View, light: View, see: Callable[[View], Array]) -> Array:
+    """Return the share of the light (height, width) that reaches what a camera sees.
+    depth: [m] along the camera's axis. see: draws the depth buffer (n, n) of a view."""
+    size = np.float32(light.top / light.near)
+    seen = light.distance(see(light)).astype(float)
+    middle = 0.5 * (light.near + light.far)
+    texel = 2.0 * size * middle / len(seen)
+    width = max(1, round(2.0 * PENUMBRA / texel))
+    tent = np.bartlett(2 * width + 3)[1:-1] / (width + 1)
+    seen = correlate1d(correlate1d(np.exp(SHARPNESS * (seen - middle)), tent, 0), tent, 1)
+    blocked = (np.log(np.maximum(seen, 1e-300)) / SHARPNESS + middle).astype(np.float32)
+    rays = np.einsum("ik,khw->ihw", light.axes.astype(np.float32), camera.rays(*depth.shape))
+    start = (light.axes @ (camera.position - light.position)).astype(np.float32)
+    x, y, z = depth * rays + start[:, None, None]
+    column = (x / z / size + 1.0) * (0.5 * len(seen))
+    row = (1.0 - y / z / size) * (0.5 * len(seen))
+    flat = np.clip(row, 0, len(seen) - 1).astype(np.int32) * len(seen) + \
+        np.clip(column, 0, len(seen) - 1).astype(np.int32)
+    lit = np.exp(np.minimum(np.float32(SHARPNESS) * (blocked.ravel()[flat] - z + np.float32(BIAS)), 0.0))
+    edge = np.clip(FADE * (1.0 - np.maximum(np.abs(column / (0.5 * len(seen)) - 1.0),
+                                            np.abs(row / (0.5 * len(seen)) - 1.0))), 0.0, 1.0)
+    return 1.0 - edge * (1.0 - lit)
+
+
+def occlude(depth: Array, camera: View) -> Array:
+    """Return the share of the light (height, width) that corners and gaps leave of it.
+    depth: [m] along the camera's axis."""
+    half = np.ascontiguousarray(depth[::2, ::2])
+    middle = float(np.median(half))
+    reach = REACH * len(half) * camera.near / (2.0 * camera.top * middle)
+    taken, margin = np.zeros_like(half), int(reach) + 1
+    padded = np.pad(half, margin, mode="edge")
+    for angle, share in TAPS:
+        width = np.float32(share * REACH)
+        row, column = round(reach * share * np.sin(angle)), round(reach * share * np.cos(angle))
+        below = np.zeros_like(half)
+        for sign in (1, -1):  # opposite points, so that a slope takes nothing
+            top, left = margin + sign * row, margin + sign * column
+            gap = (half - padded[top : top + half.shape[0], left : left + half.shape[1]]) / width
+            below += np.maximum(gap, -2.0) * np.clip(3.0 - gap, 0.0, 1.0)  # what is far in front takes nothing
+        taken += np.clip(0.5 * below, 0.0, 1.0)
+    taken[half > 3.0 * middle] = 0.0  # of a sky, which is a sphere with edges
+    taken = uniform_filter(taken, 3) * np.float32(OCCLUSION / len(TAPS))
+    return 1.0 - taken.repeat(2, 0).repeat(2, 1)[: depth.shape[0], : depth.shape[1]]
