@@ -63,7 +63,7 @@ def find_framed(recording: Recording, model: mujoco.MjModel, data: mujoco.MjData
         found.append(np.einsum("nij,nkj->nki", axes, boxes) + data.geom_xpos[geoms, None])
     for region in recording.header.regions:
         if region.is_place and not region.body:
-            found.append(region_pose(region, {}).apply(corners * region.half)[None])
+            found.append(region_pose(region, {}).apply(1.3 * corners * region.half)[None])
     return np.concatenate(found).reshape(-1, 3) if found else np.array([*corners * model.stat.extent / 2])
 
 

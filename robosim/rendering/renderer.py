@@ -20,10 +20,12 @@ MARK_THICKNESS = 0.0015
 """Half thickness [m] of a mark on the table."""
 SMOOTHING = 2
 """Samples along a pixel's edge."""
-SHADE = 0.55
+SHADE = 0.5
 """Share of a surface's light that the key light gives it, and a shadow takes."""
 HEAP = 2.0
 """Weight of a heap's normal beside that of a grain's face."""
+SKY = (228.0, 233.0, 239.0), (204.0, 209.0, 216.0)
+"""Colours of what is behind everything, at the top and at the bottom of a picture: RGB."""
 MOST_GEOMS = 10_000
 CELL_IN_RADII = 4.0
 """Side of the cubes that find hidden grains, in radii: large enough that few inside a heap are empty by chance."""
@@ -52,10 +54,10 @@ class SceneRenderer:
         a, b, c = np.moveaxis(self._facets, 2, 0)
         self._outward = np.cross(b - a, c - a)
         """Normals (n, 8, 3) of the faces, not of unit length."""
-        screen = model.vis.global_
-        screen.offwidth, screen.offheight = (max(SMOOTHING * n, MAP_SIZE) for n in (width, height))
-        self._gl, self._context = open_context(model, screen.offwidth, screen.offheight)
+        self._gl, self._context = open_context(model, *(max(SMOOTHING * n, MAP_SIZE) for n in (width, height)))
         self._scene = mujoco.MjvScene(model, MOST_GEOMS)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_SKYBOX):
+            self._scene.flags[flag] = False
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)  # without collision geoms
         self._option.sitegroup[:] = 0
@@ -77,24 +79,24 @@ class SceneRenderer:
             self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32), marked)
         self._gl.make_current()
         view = View.of(scene)
-        picture, depth = self._read(view, SMOOTHING * height, SMOOTHING * width, True)
-        colours = Image.fromarray(picture).reduce(SMOOTHING)
+        picture, depth = self._read(view, SMOOTHING * height, SMOOTHING * width)
+        empty = np.asarray(Image.fromarray((depth == 0.0).astype(np.float32)).reduce(SMOOTHING))
+        colours = np.asarray(Image.fromarray(picture).reduce(SMOOTHING), np.float32)
+        distances, room = view.distance(depth[::SMOOTHING, ::SMOOTHING]), self._model.vis.map
+        extent = self._model.stat.extent
+        fog = np.clip((distances / extent - room.fogstart) / (room.fogend - room.fogstart), 0.0, 1.0)
+        share = 1.0 - fog
         light = next((light for light in scene.lights[: scene.nlight] if light.castshadow), None)
-        if light is None:
-            return np.asarray(colours)
-        radius = self._model.vis.map.shadowscale * self._model.stat.extent
-        distances = view.distance(depth[::SMOOTHING, ::SMOOTHING])
-        lit = shade(distances, view, View.of_light(light, self._model.stat.center, radius),
-                    lambda view: self._read(view, MAP_SIZE, MAP_SIZE, False)[1])
+        if light is not None:
+            seen_by = View.of_light(light, self._model.stat.center, room.shadowscale * extent)
+            lit = shade(distances, view, seen_by, lambda view: self._read(view, MAP_SIZE, MAP_SIZE)[1])
+            share *= occlude(distances, view) * (1.0 - SHADE * (1.0 - lit))
+        rows = np.linspace(SKY[0], SKY[1], height, dtype=np.float32)[:, None]
+        return (colours * share[..., None] + np.maximum(empty, fog)[..., None] * rows).astype(np.uint8)
 
-        factor = occlude(distances, view) * (1.0 - SHADE * (1.0 - lit))
-        return (np.asarray(colours) * factor[..., None]).astype(np.uint8)
-
-    def _read(self, view: View, height: int, width: int, sky: bool) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return colours (height, width, 3) and the depth buffer of a view. sky: which is a sphere within its range."""
+    def _read(self, view: View, height: int, width: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return colours (height, width, 3) of a view, and its depth buffer, which is 0 where nothing is seen."""
         view.enter(self._scene)
-        flag, flags = mujoco.mjtRndFlag, self._scene.flags
-        flags[flag.mjRND_SHADOW], flags[flag.mjRND_SKYBOX], flags[flag.mjRND_HAZE] = False, sky, sky
         rectangle = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(rectangle, self._scene, self._context)
         picture, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
@@ -150,6 +152,7 @@ def open_context(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, m
     try:
         gl = mujoco.GLContext(width, height)
         gl.make_current()
+        model.vis.global_.offwidth, model.vis.global_.offheight, model.vis.quality.offsamples = width, height, 0
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
     except (mujoco.FatalError, ImportError, AttributeError, OSError, RuntimeError) as fault:
         raise RenderingUnavailable(fault) from fault

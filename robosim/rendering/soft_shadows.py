@@ -7,19 +7,20 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d, uniform_filter
+from scipy.ndimage import uniform_filter
 
 Array = NDArray[np.float32]
 
-MAP_SIZE = 1024
+MAP_SIZE = 900
 """Side of the light's depth map [texels]."""
 PENUMBRA = 0.008
 """Half width of a shadow's edge [m]."""
-SHARPNESS = 80.0
-"""Of the shadow test [1/m]: a surface this much behind another, 1 / SHARPNESS, has a third of its light."""
+SHARPNESS, EXPONENT = 80.0, 80.0
+"""Of the shadow test [1/m]: a surface 1 / SHARPNESS behind another has a third of its light; and the largest exponent
+in single precision."""
 BIAS, FADE = 0.007, 8.0
 """Depth [m] behind a surface that counts as on it, and steepness with which shadows end at the map's edge."""
-OCCLUSION, REACH = 0.6, 0.03
+OCCLUSION, REACH = 0.5, 0.03
 """Share of the light that a gap loses at most, and the distance [m] up to which surfaces count as around it."""
 TAPS = [(2.4 * k, np.sqrt((k + 1) / 6)) for k in range(6)]
 """Directions [rad] and shares of REACH, on a spiral: there and opposite the surroundings are looked at."""
@@ -69,36 +70,32 @@ class View(NamedTuple):
         """Return depths [m] along the axis from a depth buffer that is 1 at the near plane and 0 at the far one."""
         return self.near * self.far / (self.near + buffer * np.float32(self.far - self.near))
 
-    def rays(self, height: int, width: int) -> Array:
-        """Return the points (3, height, width) [m] at depth 1 of all pixels, from the camera, in the world's axes."""
-        half = self.top / self.near
-        y = half * (1.0 - 2.0 * (np.arange(height) + 0.5) / height)
-        x = half * width / height * (2.0 * (np.arange(width) + 0.5) / width - 1.0)
-        grid = np.stack(np.broadcast_arrays(x[None], y[:, None], 1.0))
-        return np.einsum("ik,ihw->khw", self.axes, grid).astype(np.float32)
+    def slopes(self, height: int, width: int) -> tuple[Array, Array]:
+        """Return how far right (width,) and up (height,) of its axis pixels look, at a distance of 1."""
+        up = self.top / self.near * (1.0 - (2.0 * np.arange(height) + 1.0) / height)
+        right = self.top / self.near * ((2.0 * np.arange(width) + 1.0) / height - width / height)
+        return right.astype(np.float32), up.astype(np.float32)
 
 
 def shade(depth: Array, camera: View, light: View, see: Callable[[View], Array]) -> Array:
     """Return the share of the light (height, width) that reaches what a camera sees.
     depth: [m] along the camera's axis. see: draws the depth buffer (n, n) of a view."""
-    size = np.float32(light.top / light.near)
-    seen = light.distance(see(light)).astype(float)
-    middle = 0.5 * (light.near + light.far)
-    texel = 2.0 * size * middle / len(seen)
-    width = max(1, round(2.0 * PENUMBRA / texel))
-    tent = np.bartlett(2 * width + 3)[1:-1] / (width + 1)
-    seen = correlate1d(correlate1d(np.exp(SHARPNESS * (seen - middle)), tent, 0), tent, 1)
-    blocked = (np.log(np.maximum(seen, 1e-300)) / SHARPNESS + middle).astype(np.float32)
-    rays = np.einsum("ik,khw->ihw", light.axes.astype(np.float32), camera.rays(*depth.shape))
+    texels = see(light)
+    size, count = np.float32(light.top / light.near), len(texels)
+    middle = np.float32(0.5 * (light.near + light.far))
+    seen = np.exp(np.clip(SHARPNESS * (light.distance(texels) - middle), -EXPONENT, EXPONENT))
+    width = max(1, round(PENUMBRA * count / float(size * middle)))
+    for axis in (0, 1):  # not by running sums, which lose all digits of the small
+        seen = sum((np.roll(seen, shift, axis) for shift in range(1 - width, width)), np.zeros_like(seen))
+    blocked = np.log(seen / (2 * width - 1) ** 2) / np.float32(SHARPNESS) + middle
+    turn = (light.axes @ camera.axes.T).astype(np.float32)
     start = (light.axes @ (camera.position - light.position)).astype(np.float32)
-    x, y, z = depth * rays + start[:, None, None]
-    column = (x / z / size + 1.0) * (0.5 * len(seen))
-    row = (1.0 - y / z / size) * (0.5 * len(seen))
-    flat = np.clip(row, 0, len(seen) - 1).astype(np.int32) * len(seen) + \
-        np.clip(column, 0, len(seen) - 1).astype(np.int32)
-    lit = np.exp(np.minimum(np.float32(SHARPNESS) * (blocked.ravel()[flat] - z + np.float32(BIAS)), 0.0))
-    edge = np.clip(FADE * (1.0 - np.maximum(np.abs(column / (0.5 * len(seen)) - 1.0),
-                                            np.abs(row / (0.5 * len(seen)) - 1.0))), 0.0, 1.0)
+    right, up = camera.slopes(*depth.shape)
+    x, y, z = (depth * (right * a + (up * b + c)[:, None]) + s for (a, b, c), s in zip(turn, start))
+    column, row = x / (z * size), y / (z * size)
+    texel = [np.clip((1.0 + share) * (0.5 * count), 0, count - 1).astype(np.int32) for share in (-row, column)]
+    lit = np.exp(np.minimum(np.float32(SHARPNESS) * (blocked[texel[0], texel[1]] - z + np.float32(BIAS)), 0.0))
+    edge = np.clip(FADE * (1.0 - np.maximum(np.abs(column), np.abs(row))), 0.0, 1.0)
     return 1.0 - edge * (1.0 - lit)
 
 

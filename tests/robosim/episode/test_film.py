@@ -19,7 +19,7 @@ from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry
 from robosim.recordings.reader import Recording
 from robosim.recordings.scene_recorder import SceneRecorder
-from robosim.rendering.renderer import SceneRenderer, apply_quality
+from robosim.rendering.renderer import SceneRenderer
 
 SCENE = """<mujoco>
 <visual><headlight ambient="0.4 0.4 0.4" diffuse="0.5 0.5 0.5"/></visual>
@@ -92,7 +92,6 @@ def test_a_recorded_scene_looks_like_the_simulated_one(tmp_path: Path) -> None:
     """Meshes, textures, height fields, lights and cameras, also those of moving bodies."""
     data = record(tmp_path / "recording.rec")
     spec = mujoco.MjSpec.from_string(SCENE)
-    apply_quality(spec, 1024)
     model = spec.compile()
     model.hfield_data[:] = HILLS
     for camera, name in (("close", "close"), ("wrist", "hand_wrist")):
