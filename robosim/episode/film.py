@@ -17,7 +17,7 @@ from robosim.base.progress import Progress
 from robosim.config.scene import RegionConfig
 from robosim.episode import AUTO, COLOURS
 from robosim.episode.cameras import find_camera, make_camera
-from robosim.episode.sheet import LOAD, choose_frames, name_passage
+from robosim.episode.sheet import choose_moment, find_passages, name_passage
 from robosim.recordings.appearance import build_appearance
 from robosim.recordings.reader import FILE, Recording, find_recordings
 from robosim.rendering.grain_skin import MARKED_SKIN, add_grain_skin
@@ -123,25 +123,14 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
 
 def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
     """Draw the first frame at or after a time in 4K; none where the recording ends before."""
-    if style.poster == AUTO:
-        names = {name: k for k, name in find_passages(recording).items()}
-        k = names.get("emptying", names.get("full", len(recording) // 2))
-    else:
-        k = int(np.searchsorted(recording.values()[0], style.poster or 0.0))
+    k = choose_moment(recording) if style.poster == AUTO else \
+        int(np.searchsorted(recording.values()[0], style.poster or 0.0))
     if k < len(recording):
         with Pictures(recording, style._replace(height=POSTER_HEIGHT)) as pictures:
             for earlier in range(k):
                 pictures.place(earlier)
             frame = pictures.draw(k)
         write(path, lambda temporary: Image.fromarray(frame).save(temporary, format="PNG"))
-
-
-def find_passages(recording: Recording) -> dict[int, str]:
-    """Return the frames of the sheet, and their names."""
-    times, values = recording.values()
-    names = [curve.name for curve in recording.header.curves]
-    loads = values[:, names.index(LOAD)] if LOAD in names else np.full(len(times), np.nan)
-    return dict(choose_frames(np.column_stack([times, loads]), [(e.time, e.name) for e in recording.waypoints]))
 
 
 def check_colour(name: str) -> None:

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+from robosim.episode.sheet import choose_moment
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.comparison import replay_charts
 from robosim.rehearsal.dosing_driver import DoseSample, DosingDriver
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.run import RehearsalRun
+from robosim.rendering.video import read_frame
 from robosim.reports.curves import Chart, Curve, draw_charts
 from robosim.reports.page import Page
 
@@ -26,11 +28,12 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
     config = run.config
     page = Page(f"{config.description}: {config.material}")
     bounds = get_bounds(config)
-    page.set_verdict("every bound held" if not missed else f"{len(missed)} of {len(bounds)} bounds missed: "
-                     + "; ".join(missed), holds=not missed)
+    page.set_verdict(describe_run(figures, missed, bounds), holds=not missed)
     film = folder / "rehearsal.mp4"
     if film.is_file():
-        page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states")
+        with Recording(folder / FILE) as recording:
+            still = read_frame(film, choose_moment(recording))
+        page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states", still)
     page.add_heading("In 3-D")
     with Recording(folder / FILE) as recording:
         from robosim.viewer.server import embed_html
@@ -51,6 +54,41 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
     page.add_details("Configuration", yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False))
     page.add_details("Material", yaml.safe_dump(run.material.model_dump(mode="json"), sort_keys=False))
     return page
+
+
+def describe_run(figures: dict[str, Any], missed: list[str], bounds: dict[str, Bound]) -> str:
+    """Return one sentence: which bounds were missed, where the material went, and which bound was closest."""
+    material, total = figures["material"], figures["scooped_mass_kg"]
+    if "dose_kg" in figures:
+        facts = f"{round_quantity('kg', figures['dose_kg'])} of {material} dosed for " \
+                f"{round_quantity('kg', figures['dose_target_kg'])}"
+    else:
+        facts = f"{round_quantity('kg', total)} of {material}" + " scooped" * (figures["wrist_payload_kg"] is not None)
+        if figures["delivered_fraction"] is not None:
+            facts += f", {100.0 * figures['delivered_fraction']:.3g} % delivered"
+    if figures["spilled_fraction"] is not None:
+        facts += f", {round_quantity('kg', figures['spilled_fraction'] * total)} spilled"
+    if missed:
+        return f"{len(missed)} of {len(bounds)} bounds missed: {'; '.join(missed)}. {facts}."
+    shares = {name: share for name, bound in bounds.items() if (share := used_share(figures[name], bound)) is not None}
+    name = max(shares, key=lambda key: shares[key])
+    words, unit = split_unit(name)
+    end = bounds[name].high if np.isfinite(bounds[name].high) else bounds[name].low
+    return f"{facts}; every bound held; the closest: {words}, {round_quantity(unit, figures[name])} of " \
+           f"{round_quantity(unit, end)}"
+
+
+def used_share(value: object, bound: Bound) -> float | None:
+    """Return how much of a bound's range a value within it uses, from 0 to 1; None where there is none."""
+    if not isinstance(value, int | float) or bound.low == bound.high:
+        return None
+    return abs(value) / bound.high if np.isfinite(bound.high) else bound.low / value
+
+
+def round_quantity(unit: str, value: float) -> str:
+    """Return a value of an SI unit in words, with three digits; small masses in g, small lengths in mm."""
+    smaller = {"kg": "g", "m": "mm"}.get(unit, unit)
+    return f"{value * 1e3 if smaller != unit else value:.3g} {'' if smaller == '1' else smaller}".strip()
 
 
 def split_unit(name: str) -> tuple[str, str]:

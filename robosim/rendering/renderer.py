@@ -70,11 +70,11 @@ class SceneRenderer:
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
+        eye = mujoco.MjvCamera() if isinstance(camera, str) else camera
         if isinstance(camera, str):
-            name, camera = camera, mujoco.MjvCamera()
-            camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(name).id
+            eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(camera).id
         scene, (height, width) = self._scene, self._size
-        mujoco.mjv_updateScene(self._model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
+        mujoco.mjv_updateScene(self._model, data, self._option, None, eye, mujoco.mjtCatBit.mjCAT_ALL, scene)
         if len(self._facets):
             self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32), marked)
         self._gl.make_current()

@@ -118,4 +118,4 @@ def occlude(depth: Array, camera: View) -> Array:
         taken += np.clip(0.5 * below, 0.0, 1.0)
     taken[half > 3.0 * middle] = 0.0  # of a sky, which is a sphere with edges
     taken = uniform_filter(taken, 3) * np.float32(OCCLUSION / len(TAPS))
-    return 1.0 - taken.repeat(2, 0).repeat(2, 1)[: depth.shape[0], : depth.shape[1]]
+    return (1.0 - taken.repeat(2, 0).repeat(2, 1)[: depth.shape[0], : depth.shape[1]]).astype(np.float32)
