@@ -42,11 +42,24 @@ def make_camera(recording: Recording, model: mujoco.MjModel, data: mujoco.MjData
         return lambda data, time: name
     model.vis.global_.fovy = FOVY_DEG
     if name == FOLLOW:
-        return FollowCamera(model.body(recording.header.hand).id, model.body(recording.header.tool).id)
-    points, half = find_framed(recording, model, data), 0.5 * float(np.ptp(recording.values()[0])) or 1.0
-    fixed = frame(points, AZIMUTH_DEG)
-    return lambda data, time: fixed if name == AUTO else frame(points, AZIMUTH_DEG + SWING_DEG * np.sin(
-        np.pi * (time / half - 1.0) / 2.0))
+        return follow_hand(model.body(recording.header.hand).id, model.body(recording.header.tool).id)
+    points, end = find_framed(recording, model, data), max(float(recording.values()[0][-1]), 1e-9)
+    swing = SWING_DEG * (name == ORBIT)
+    return lambda data, time: frame(points, AZIMUTH_DEG + swing * (2.0 * time / end - 1.0))
+
+
+def follow_hand(hand: int, tool: int) -> Camera:
+    """Make a camera that keeps the bodies of hand and tool in the picture: it looks between them, smoothly."""
+    camera, last = mujoco.MjvCamera(), [-np.inf]
+    camera.type, camera.distance, camera.azimuth, camera.elevation = mujoco.mjtCamera.mjCAMERA_FREE, DISTANCE, 205, -28
+
+    def follow(data: mujoco.MjData, time: float) -> mujoco.MjvCamera:
+        aim = 0.4 * data.xpos[hand] + 0.6 * data.xpos[tool]
+        camera.lookat[:] += (1.0 - np.exp(min(last[0] - time, 0.0) / LAG)) * (aim - camera.lookat)
+        last[0] = time
+        return camera
+
+    return follow
 
 
 def find_framed(recording: Recording, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
@@ -84,21 +97,3 @@ def frame(points: np.ndarray, azimuth_deg: float) -> mujoco.MjvCamera:
     camera.distance = float(np.mean(z)) - ahead
     camera.lookat[:] = eye + (ahead + camera.distance) * forward
     return camera
-
-
-class FollowCamera:
-    """A camera that keeps hand and tool in the picture: it looks at the middle between them, smoothly."""
-
-    def __init__(self, hand: int, tool: int) -> None:
-        self._hand, self._tool = hand, tool
-        self._time: float | None = None
-        self._camera = mujoco.MjvCamera()
-        self._camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        self._camera.distance, self._camera.azimuth, self._camera.elevation = DISTANCE, 205.0, -28.0
-
-    def __call__(self, data: mujoco.MjData, time: float) -> mujoco.MjvCamera:
-        aim = 0.4 * data.xpos[self._hand] + 0.6 * data.xpos[self._tool]
-        share = 1.0 if self._time is None else 1.0 - np.exp(-max(time - self._time, 0.0) / LAG)
-        self._camera.lookat[:] += share * (aim - self._camera.lookat)
-        self._time = time
-        return self._camera

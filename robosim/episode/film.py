@@ -49,8 +49,8 @@ class FilmStyle(NamedTuple):
     """One of `COLOURS`."""
     height: int = 720
     """Of a picture [pixels], 16 : 9."""
-    poster: float | str | None = None
-    """Time [s] of a still in 4K, or `AUTO`: when the tool empties, or is full; None: there is none."""
+    poster: float | bool | None = None
+    """Time [s] of a still in 4K; True: when the tool empties, or is full; None: there is none."""
 
 
 EPISODE = FilmStyle(height=480)
@@ -123,7 +123,7 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
 
 def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
     """Draw the first frame at or after a time in 4K; none where the recording ends before."""
-    k = choose_moment(recording) if style.poster == AUTO else \
+    k = choose_moment(recording) if style.poster is True else \
         int(np.searchsorted(recording.values()[0], style.poster or 0.0))
     if k < len(recording):
         with Pictures(recording, style._replace(height=POSTER_HEIGHT)) as pictures:

@@ -58,37 +58,30 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
 
 def describe_run(figures: dict[str, Any], missed: list[str], bounds: dict[str, Bound]) -> str:
     """Return one sentence: which bounds were missed, where the material went, and which bound was closest."""
-    material, total = figures["material"], figures["scooped_mass_kg"]
+    total, delivered, spilled = (figures[name] for name in ("scooped_mass_kg", "delivered_fraction",
+                                                                 "spilled_fraction"))
+    facts = f"{round_quantity('kg', total)} of {figures['material']}" + " scooped" * bool(figures["wrist_payload_kg"])
     if "dose_kg" in figures:
-        facts = f"{round_quantity('kg', figures['dose_kg'])} of {material} dosed for " \
+        facts = f"{round_quantity('kg', figures['dose_kg'])} of {figures['material']} dosed for " \
                 f"{round_quantity('kg', figures['dose_target_kg'])}"
-    else:
-        facts = f"{round_quantity('kg', total)} of {material}" + " scooped" * (figures["wrist_payload_kg"] is not None)
-        if figures["delivered_fraction"] is not None:
-            facts += f", {100.0 * figures['delivered_fraction']:.3g} % delivered"
-    if figures["spilled_fraction"] is not None:
-        facts += f", {round_quantity('kg', figures['spilled_fraction'] * total)} spilled"
+    elif delivered is not None:
+        facts += f", {100.0 * delivered:.3g} % delivered"
+    if spilled is not None:
+        facts += f", {round_quantity('kg', spilled * total)} spilled"
     if missed:
         return f"{len(missed)} of {len(bounds)} bounds missed: {'; '.join(missed)}. {facts}."
-    shares = {name: share for name, bound in bounds.items() if (share := used_share(figures[name], bound)) is not None}
-    name = max(shares, key=lambda key: shares[key])
-    words, unit = split_unit(name)
-    end = bounds[name].high if np.isfinite(bounds[name].high) else bounds[name].low
+    used = {name: abs(figures[name]) / bound.high if np.isfinite(bound.high) else bound.low / figures[name]
+            for name, bound in bounds.items() if figures[name] is not None and bound.low < bound.high}
+    name = max(used, key=lambda key: used[key])
+    (words, unit), ends = split_unit(name), [end for end in bounds[name][:2] if np.isfinite(end)]
     return f"{facts}; every bound held; the closest: {words}, {round_quantity(unit, figures[name])} of " \
-           f"{round_quantity(unit, end)}"
-
-
-def used_share(value: object, bound: Bound) -> float | None:
-    """Return how much of a bound's range a value within it uses, from 0 to 1; None where there is none."""
-    if not isinstance(value, int | float) or bound.low == bound.high:
-        return None
-    return abs(value) / bound.high if np.isfinite(bound.high) else bound.low / value
+           f"{round_quantity(unit, ends[-1])}"
 
 
 def round_quantity(unit: str, value: float) -> str:
-    """Return a value of an SI unit in words, with three digits; small masses in g, small lengths in mm."""
-    smaller = {"kg": "g", "m": "mm"}.get(unit, unit)
-    return f"{value * 1e3 if smaller != unit else value:.3g} {'' if smaller == '1' else smaller}".strip()
+    """Return a value of an SI unit with three digits; masses in g, lengths in mm."""
+    smaller = {"kg": "g", "m": "mm"}.get(unit)
+    return f"{1e3 * value:.3g} {smaller}" if smaller else f"{value:.3g} {unit}".removesuffix(" 1")
 
 
 def split_unit(name: str) -> tuple[str, str]:

@@ -17,7 +17,7 @@ MARKED_SKIN = "marked grains"
 GRAIN_RADIUS = 0.62
 """Mean radius of a drawn grain, in spacings of the grains: neighbours touch, so that a heap looks closed."""
 CORNERS: Array = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
-FULL_CELL, STEEP = 9, 0.06
+FULL_CELL, STEEP = 8, 0.06
 """Grains in a cube of a heap, and the slope of density, in these per cube, from which a surface is one."""
 FACES = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
 """Corners of each face, counter-clockwise seen from outside."""

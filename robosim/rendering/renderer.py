@@ -132,6 +132,10 @@ class SceneRenderer:
         self._context.free()
         self._gl.free()
 
+    def __del__(self) -> None:
+        if hasattr(self, "_gl"):
+            self.close()
+
 
 def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
     """Add the target region to the picture: a flat mark on the table, a transparent box in the air."""

@@ -27,36 +27,33 @@ TAPS = [(2.4 * k, np.sqrt((k + 1) / 6)) for k in range(6)]
 
 
 class View(NamedTuple):
-    """A perspective camera of a scene."""
+    """A perspective camera: position and axes (rows: right, up, forward); top: of the frustum, at its near plane."""
 
     position: np.ndarray
     axes: np.ndarray
-    """Rows: right, up, forward."""
     near: float
     far: float
     top: float
-    """Of the frustum, at its near plane [m]; symmetric."""
 
     @staticmethod
     def of(scene: mujoco.MjvScene) -> "View":
         """Return the camera of a scene: the middle between its two eyes."""
         left, right = scene.camera[:2]
         forward, up = np.array(left.forward, float), np.array(left.up, float)
-        return View(0.5 * (np.array(left.pos, float) + np.array(right.pos)), np.stack([np.cross(forward, up), up,
-                    forward]), left.frustum_near, left.frustum_far, left.frustum_top)
+        axes = np.stack([np.cross(forward, up), up, forward])
+        return View(0.5 * (np.array(left.pos, float) + np.array(right.pos)), axes, left.frustum_near,
+                    left.frustum_far, left.frustum_top)
 
     @staticmethod
     def of_light(light: Any, centre: np.ndarray, radius: float) -> "View":
         """Return the view from a light of a sphere [m]; a directional light is far away."""
-        aim = np.array(light.dir, float)
         is_near = light.type == mujoco.mjtLightType.mjLIGHT_SPOT
-        eye = np.array(light.pos, float) if is_near else centre - 8.0 * radius * aim
+        eye = np.array(light.pos, float) if is_near else centre - 8.0 * radius * np.array(light.dir, float)
         distance = float(np.linalg.norm(centre - eye))
-        forward = (centre - eye) / distance
-        right = np.cross(forward, (0.0, 1.0, 0.0) if abs(forward[1]) < 0.9 else (1.0, 0.0, 0.0))
-        right /= np.linalg.norm(right)
+        up, _, forward = np.linalg.qr(np.stack([centre - eye, *np.eye(3)[:2]], 1))[0].T[[1, 2, 0]]
+        forward = forward * np.sign(forward @ (centre - eye))
         near = max(distance - 1.5 * radius, 0.05 * distance)
-        return View(eye, np.stack([right, np.cross(right, forward), forward]), near, distance + 1.5 * radius,
+        return View(eye, np.stack([np.cross(forward, up), up, forward]), near, distance + 1.5 * radius,
                     near * radius / distance)
 
     def enter(self, scene: mujoco.MjvScene) -> None:
@@ -69,12 +66,6 @@ class View(NamedTuple):
     def distance(self, buffer: Array) -> Array:
         """Return depths [m] along the axis from a depth buffer that is 1 at the near plane and 0 at the far one."""
         return self.near * self.far / (self.near + buffer * np.float32(self.far - self.near))
-
-    def slopes(self, height: int, width: int) -> tuple[Array, Array]:
-        """Return how far right (width,) and up (height,) of its axis pixels look, at a distance of 1."""
-        up = self.top / self.near * (1.0 - (2.0 * np.arange(height) + 1.0) / height)
-        right = self.top / self.near * ((2.0 * np.arange(width) + 1.0) / height - width / height)
-        return right.astype(np.float32), up.astype(np.float32)
 
 
 def shade(depth: Array, camera: View, light: View, see: Callable[[View], Array]) -> Array:
@@ -90,8 +81,10 @@ def shade(depth: Array, camera: View, light: View, see: Callable[[View], Array])
     blocked = np.log(seen / (2 * width - 1) ** 2) / np.float32(SHARPNESS) + middle
     turn = (light.axes @ camera.axes.T).astype(np.float32)
     start = (light.axes @ (camera.position - light.position)).astype(np.float32)
-    right, up = camera.slopes(*depth.shape)
-    x, y, z = (depth * (right * a + (up * b + c)[:, None]) + s for (a, b, c), s in zip(turn, start))
+    height, width = depth.shape
+    up, right = (np.float32(camera.top / camera.near / height) * np.arange(1 - n, n, 2, dtype=np.float32)
+                 for n in (height, width))
+    x, y, z = (depth * (right * a + (c - up * b)[:, None]) + s for (a, b, c), s in zip(turn, start))
     column, row = x / (z * size), y / (z * size)
     texel = [np.clip((1.0 + share) * (0.5 * count), 0, count - 1).astype(np.int32) for share in (-row, column)]
     lit = np.exp(np.minimum(np.float32(SHARPNESS) * (blocked[texel[0], texel[1]] - z + np.float32(BIAS)), 0.0))
@@ -111,11 +104,9 @@ def occlude(depth: Array, camera: View) -> Array:
         width = np.float32(share * REACH)
         row, column = round(reach * share * np.sin(angle)), round(reach * share * np.cos(angle))
         below = np.zeros_like(half)
-        for sign in (1, -1):  # opposite points, so that a slope takes nothing
-            top, left = margin + sign * row, margin + sign * column
+        for top, left in ((margin + row, margin + column), (margin - row, margin - column)):  # a slope takes nothing
             gap = (half - padded[top : top + half.shape[0], left : left + half.shape[1]]) / width
             below += np.maximum(gap, -2.0) * np.clip(3.0 - gap, 0.0, 1.0)  # what is far in front takes nothing
         taken += np.clip(0.5 * below, 0.0, 1.0)
-    taken[half > 3.0 * middle] = 0.0  # of a sky, which is a sphere with edges
     taken = uniform_filter(taken, 3) * np.float32(OCCLUSION / len(TAPS))
     return (1.0 - taken.repeat(2, 0).repeat(2, 1)[: depth.shape[0], : depth.shape[1]]).astype(np.float32)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.episode import AUTO, COLOURS
+from robosim.episode import COLOURS
 
 EXAMPLE = """examples:
   robosim film out/sugar --camera wrist --out out/wrist
@@ -23,7 +23,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--colour", default="material", choices=COLOURS,
                         help="what the colour of the grains shows: the material, or which grains are awake")
     parser.add_number("--height", default=720, help="height of the pictures [pixels], 16 : 9")
-    parser.add_number("--poster", nargs="?", const=AUTO, help="also make poster.png, a still in 4K, at this time [s] "
+    parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
                       "(default: when the tool empties, or is full)")
     parser.add_out("rehearsal.mp4 and frames.png, episode.mp4 or chain.mp4 (default: the run's, where they are "
                    "replaced)", is_required=False)

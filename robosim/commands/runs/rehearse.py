@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
                         help="what the colour of the video's grains shows: the material, or which grains are awake")
     parser.add_number("--frame-rate", default=20, help="frames of recording and video per second")
     parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9")
-    parser.add_number("--poster", nargs="?", const=AUTO, help="also make poster.png, a still in 4K, at this time [s] "
+    parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
                       "(default: when the tool empties, or is full)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_argument("--force-export", action="store_true", help="write the motion for the real robot also where a "
