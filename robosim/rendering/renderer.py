@@ -10,7 +10,7 @@ from PIL import Image
 from robosim.base.errors import RobosimError
 from robosim.config.scene import RegionConfig
 from robosim.rendering.grain_skin import FACES, compute_normals, find_surface, read_facets
-from robosim.rendering.soft_shadows import MAP_SIZE, View, occlude, shade
+from robosim.rendering.soft_shadows import MAP_SIZE, View, shade
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,8 @@ class SceneRenderer:
         self._gl.make_current()
         view = View.of(scene)
         picture, depth = self._read(view, SMOOTHING * height, SMOOTHING * width)
-        empty = np.asarray(Image.fromarray((depth == 0.0).astype(np.float32)).reduce(SMOOTHING))
+        empty = np.asarray(Image.fromarray((depth == 0.0).view(np.uint8) * np.uint8(255)).reduce(SMOOTHING)) / \
+            np.float32(255)
         colours = np.asarray(Image.fromarray(picture).reduce(SMOOTHING), np.float32)
         distances, room = view.distance(depth[::SMOOTHING, ::SMOOTHING]), self._model.vis.map
         extent = self._model.stat.extent
@@ -90,9 +91,11 @@ class SceneRenderer:
         if light is not None:
             seen_by = View.of_light(light, self._model.stat.center, room.shadowscale * extent)
             lit = shade(distances, view, seen_by, lambda view: self._read(view, MAP_SIZE, MAP_SIZE)[1])
-            share *= occlude(distances, view) * (1.0 - SHADE * (1.0 - lit))
+            share *= 1.0 - SHADE * (1.0 - lit)
         rows = np.linspace(SKY[0], SKY[1], height, dtype=np.float32)[:, None]
-        return (colours * share[..., None] + np.maximum(empty, fog)[..., None] * rows).astype(np.uint8)
+        colours = colours * share[..., None]
+        colours += np.maximum(empty, fog)[..., None] * rows
+        return colours.astype(np.uint8)
 
     def _read(self, view: View, height: int, width: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return colours (height, width, 3) of a view, and its depth buffer, which is 0 where nothing is seen."""
@@ -112,8 +115,7 @@ class SceneRenderer:
         visible, outward = find_surface(positions, CELL_IN_RADII * self._radius)
         scene = self._scene
         # faces that look away from the camera are behind others of their grain
-        eye = 0.5 * (np.array(scene.camera[0].pos) + np.array(scene.camera[1].pos))
-        sight = (eye - positions[visible]).astype(np.float32)
+        sight = (View.of(scene).position - positions[visible]).astype(np.float32)
         grain, face = np.nonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
         is_marked = np.zeros(len(grain), bool) if marked is None else marked[visible[grain]]
         for skin in range(self._model.nskin):

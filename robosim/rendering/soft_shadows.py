@@ -1,4 +1,4 @@
-"""Soft shadows and ambient occlusion, computed from what the light and the camera see.
+"""Soft shadows, computed from the depths that the light and the camera see.
 The shadow map of OpenGL has hard, stepped edges and doubles the time of a frame on a software rasteriser."""
 
 from collections.abc import Callable
@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 Array = NDArray[np.float32]
 
@@ -20,10 +19,6 @@ SHARPNESS, EXPONENT = 80.0, 80.0
 in single precision."""
 BIAS, FADE = 0.007, 8.0
 """Depth [m] behind a surface that counts as on it, and steepness with which shadows end at the map's edge."""
-OCCLUSION, REACH = 0.5, 0.03
-"""Share of the light that a gap loses at most, and the distance [m] up to which surfaces count as around it."""
-TAPS = [(2.4 * k, np.sqrt((k + 1) / 6)) for k in range(6)]
-"""Directions [rad] and shares of REACH, on a spiral: there and opposite the surroundings are looked at."""
 
 
 class View(NamedTuple):
@@ -38,11 +33,9 @@ class View(NamedTuple):
     @staticmethod
     def of(scene: mujoco.MjvScene) -> "View":
         """Return the camera of a scene: the middle between its two eyes."""
-        left, right = scene.camera[:2]
-        forward, up = np.array(left.forward, float), np.array(left.up, float)
-        axes = np.stack([np.cross(forward, up), up, forward])
-        return View(0.5 * (np.array(left.pos, float) + np.array(right.pos)), axes, left.frustum_near,
-                    left.frustum_far, left.frustum_top)
+        eye, other = scene.camera[:2]
+        axes = np.stack([np.cross(eye.forward, eye.up), eye.up, eye.forward])
+        return View(0.5 * (eye.pos + other.pos), axes, eye.frustum_near, eye.frustum_far, eye.frustum_top)
 
     @staticmethod
     def of_light(light: Any, centre: np.ndarray, radius: float) -> "View":
@@ -90,23 +83,3 @@ def shade(depth: Array, camera: View, light: View, see: Callable[[View], Array])
     lit = np.exp(np.minimum(np.float32(SHARPNESS) * (blocked[texel[0], texel[1]] - z + np.float32(BIAS)), 0.0))
     edge = np.clip(FADE * (1.0 - np.maximum(np.abs(column), np.abs(row))), 0.0, 1.0)
     return 1.0 - edge * (1.0 - lit)
-
-
-def occlude(depth: Array, camera: View) -> Array:
-    """Return the share of the light (height, width) that corners and gaps leave of it.
-    depth: [m] along the camera's axis."""
-    half = np.ascontiguousarray(depth[::2, ::2])
-    middle = float(np.median(half))
-    reach = REACH * len(half) * camera.near / (2.0 * camera.top * middle)
-    taken, margin = np.zeros_like(half), int(reach) + 1
-    padded = np.pad(half, margin, mode="edge")
-    for angle, share in TAPS:
-        width = np.float32(share * REACH)
-        row, column = round(reach * share * np.sin(angle)), round(reach * share * np.cos(angle))
-        below = np.zeros_like(half)
-        for top, left in ((margin + row, margin + column), (margin - row, margin - column)):  # a slope takes nothing
-            gap = (half - padded[top : top + half.shape[0], left : left + half.shape[1]]) / width
-            below += np.maximum(gap, -2.0) * np.clip(3.0 - gap, 0.0, 1.0)  # what is far in front takes nothing
-        taken += np.clip(0.5 * below, 0.0, 1.0)
-    taken = uniform_filter(taken, 3) * np.float32(OCCLUSION / len(TAPS))
-    return (1.0 - taken.repeat(2, 0).repeat(2, 1)[: depth.shape[0], : depth.shape[1]]).astype(np.float32)
