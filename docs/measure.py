@@ -166,21 +166,19 @@ def picture_of_arms() -> None:
 
     from robosim.config.rehearsal import load_rehearsal
     from robosim.planning.plan import plan_motion
-    from robosim.rendering.renderer import open_renderer
+    from robosim.rendering.renderer import SceneRenderer
     from robosim.scene.build import compile_rehearsal
 
-    option, rows = mujoco.MjvOption(), []
-    option.geomgroup[:], option.sitegroup[:] = (1, 1, 1, 0, 0, 0), 0
+    rows = []
     for gripper, waypoint in ((None, "dig"), ("none", "tilt")):
         rows.append([])
         for arm in ARMS:
             plan = plan_motion(load_rehearsal("spoon", {"robot": arm, "gripper": gripper}))
             scene = compile_rehearsal(plan.config)
-            data, renderer = mujoco.MjData(scene.model), open_renderer(scene.model, 480, 440)
+            data, renderer = mujoco.MjData(scene.model), SceneRenderer(scene.model, 0, 440, 480)
             data.qpos[scene.arm_qpos] = plan.motion.state(plan.path.times[waypoint]).q
             mujoco.mj_forward(scene.model, data)
-            renderer.update_scene(data, "overview", option)
-            rows[-1].append(renderer.render())
+            rows[-1].append(renderer.draw(data, None, "overview"))
             renderer.close()
     picture = Image.fromarray(np.concatenate([np.concatenate(row, 1) for row in rows], 0))
     picture.resize((1440, 528), Image.Resampling.LANCZOS).save(IMAGES / "arms.jpg", quality=84, optimize=True)

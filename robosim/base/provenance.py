@@ -15,8 +15,9 @@ def commit() -> str:
     """Return the commit of this code, with "-dirty" after local changes; outside a checkout the version."""
     if (CHECKOUT / ".git").exists():
         with contextlib.suppress(OSError):  # git is not installed
-            git = subprocess.run(["git", "describe", "--always", "--dirty", "--exclude=*"], cwd=CHECKOUT,
-                                 capture_output=True, text=True, check=False)
+            # of whichever owner: in a container the user is often another
+            git = subprocess.run(["git", "-c", "safe.directory=*", "describe", "--always", "--dirty", "--exclude=*"],
+                                 cwd=CHECKOUT, capture_output=True, text=True, check=False)
             if git.returncode == 0:
                 return git.stdout.strip()
     return f"none, version {version('robosim')}"

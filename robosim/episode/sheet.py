@@ -42,3 +42,17 @@ def choose_frames(loads: np.ndarray, passages: list[tuple[float, str]]) -> list[
         gaps |= {a: b - a for a, b in itertools.pairwise(order) if b in events and a not in events and a != order[0]}
         del chosen[min(gaps, key=lambda index: gaps[index])]
     return sorted(chosen.items()) or [(0, "start")]
+
+
+def find_passages(recording: Recording) -> dict[int, str]:
+    """Return the frames of the sheet, and their names."""
+    times, values = recording.values()
+    names = [curve.name for curve in recording.header.curves]
+    loads = values[:, names.index(LOAD)] if LOAD in names else np.full(len(times), np.nan)
+    return dict(choose_frames(np.column_stack([times, loads]), [(e.time, e.name) for e in recording.waypoints]))
+
+
+def choose_moment(recording: Recording) -> int:
+    """Return the frame that tells most: in which the tool empties, or is full, or the middle one."""
+    frames = {name: k for k, name in find_passages(recording).items()}
+    return frames.get("emptying", frames.get("full", len(recording) // 2))

@@ -84,7 +84,8 @@ def find_missed(figures: dict[str, object], config: RehearsalConfig) -> list[str
         if bound.is_optional and value is None:
             continue
         if not isinstance(value, (int, float)) or not bound.low <= value <= bound.high:
-            lines.append(f"{name} = {value}; accepted: {bound.low:g} to {bound.high:g}")
+            shown = f"{value:.5g}" if isinstance(value, float) else value
+            lines.append(f"{name} = {shown}; accepted: {bound.low:g} to {bound.high:g}")
     return lines
 
 

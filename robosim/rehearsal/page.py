@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+from robosim.episode.sheet import choose_moment
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.comparison import replay_charts
 from robosim.rehearsal.dosing_driver import DoseSample, DosingDriver
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.run import RehearsalRun
+from robosim.rendering.video import read_frame
 from robosim.reports.curves import Chart, Curve, draw_charts
 from robosim.reports.page import Page
 
@@ -26,14 +28,15 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
     config = run.config
     page = Page(f"{config.description}: {config.material}")
     bounds = get_bounds(config)
-    page.set_verdict("every bound held" if not missed else f"{len(missed)} of {len(bounds)} bounds missed: "
-                     + "; ".join(missed), holds=not missed)
+    page.set_verdict(describe_run(figures, missed, bounds), holds=not missed)
     if run.cell.grasp.is_by_friction:
         page.add_text(f"In the hand the {config.tool_name} moved by at most {1e3 * figures['grasp_slip_m']:.2f} mm at "
                       f"its grip and tip, and turned by {figures['grasp_slip_deg']:.2f} deg.")
     film = folder / "rehearsal.mp4"
     if film.is_file():
-        page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states")
+        with Recording(folder / FILE) as recording:
+            still = read_frame(film, choose_moment(recording))
+        page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states", still)
     page.add_heading("In 3-D")
     with Recording(folder / FILE) as recording:
         from robosim.viewer.server import embed_html
@@ -54,6 +57,34 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
     page.add_details("Configuration", yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False))
     page.add_details("Material", yaml.safe_dump(run.material.model_dump(mode="json"), sort_keys=False))
     return page
+
+
+def describe_run(figures: dict[str, Any], missed: list[str], bounds: dict[str, Bound]) -> str:
+    """Return one sentence: which bounds were missed, where the material went, and which bound was closest."""
+    total, delivered, spilled = (figures[name] for name in ("scooped_mass_kg", "delivered_fraction",
+                                                                 "spilled_fraction"))
+    facts = f"{round_quantity('kg', total)} of {figures['material']}" + " scooped" * bool(figures["wrist_payload_kg"])
+    if "dose_kg" in figures:
+        facts = f"{round_quantity('kg', figures['dose_kg'])} of {figures['material']} dosed for " \
+                f"{round_quantity('kg', figures['dose_target_kg'])}"
+    elif delivered is not None:
+        facts += f", {100.0 * delivered:.3g} % delivered"
+    if spilled is not None:
+        facts += f", {round_quantity('kg', spilled * total)} spilled"
+    if missed:
+        return f"{len(missed)} of {len(bounds)} bounds missed: {'; '.join(missed)}. {facts}."
+    used = {name: abs(figures[name]) / bound.high if np.isfinite(bound.high) else bound.low / figures[name]
+            for name, bound in bounds.items() if figures[name] is not None and bound.low < bound.high}
+    name = max(used, key=lambda key: used[key])
+    (words, unit), ends = split_unit(name), [end for end in bounds[name][:2] if np.isfinite(end)]
+    return f"{facts}; every bound held; the closest: {words}, {round_quantity(unit, figures[name])} of " \
+           f"{round_quantity(unit, ends[-1])}"
+
+
+def round_quantity(unit: str, value: float) -> str:
+    """Return a value of an SI unit with three digits; masses in g, lengths in mm."""
+    smaller = {"kg": "g", "m": "mm"}.get(unit)
+    return f"{1e3 * value:.3g} {smaller}" if smaller else f"{value:.3g} {unit}".removesuffix(" 1")
 
 
 def split_unit(name: str) -> tuple[str, str]:

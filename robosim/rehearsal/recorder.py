@@ -15,6 +15,7 @@ from robosim.rehearsal.mass_balance import GRAVITY
 from robosim.rehearsal.readings import Steps
 from robosim.rehearsal.run import DOSE, RehearsalRun
 from robosim.scene.grains import container_region, grain_volume_of, is_in_tool
+from robosim.scene.grains import is_in_container as holds_grains
 from robosim.shapes import tool_shape
 
 FORCES = ("Fx", "Fy", "Fz")
@@ -108,13 +109,15 @@ class RunReadings:
 
     def _masses(self, positions: np.ndarray) -> tuple[float, float]:
         """Masses [g] in the tool, and outside of all places.
-        The region of the tool is larger than its bowl: while it digs, it holds a part of the bed, which is no load."""
+        The region of the tool is larger than its bowl: while it reaches into a container it may hold a part of the
+        bed, which is no load."""
         run, config = self._run, self._run.config
         pose, masses = run.cell.tool_pose(), self._grain_masses
-        held = masses[is_in_tool(config.tool, positions, pose)].sum()
+        held = is_in_tool(config.tool, positions, pose)
+        digs = is_in_container(pose.position[None], config)[0] or any(
+            holds_grains(positions[held], name, config.containers[name]).any() for name in config.sources)
         outside = masses[~find_placed(self._regions, {config.tool_name: pose}, positions)].sum()
-        is_digging = is_in_container(pose.position[None], config)[0]
-        return (np.nan if is_digging else 1e3 * float(held)), 1e3 * float(outside)
+        return (np.nan if digs else 1e3 * float(masses[held].sum())), 1e3 * float(outside)
 
     def _wrist(self, steps: Steps) -> np.ndarray:
         """Force (3,) [N] at the wrist, world axes, without the weight of hand and tool."""

@@ -17,7 +17,9 @@ from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.table import validate
 from robosim.conversion.joint_log import JointLog
-from robosim.episode.film import CLOSE, FilmStyle, check_colour, find_camera, try_film
+from robosim.episode import AUTO
+from robosim.episode.cameras import find_camera
+from robosim.episode.film import FilmStyle, check_colour, try_film
 from robosim.planning.lip_motion import make_lip_motion
 from robosim.planning.plan import Plan, plan_motion
 from robosim.planning.recorded_motions import place_target
@@ -141,7 +143,7 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
     material, film = load_material(config.material), options.film
     log = None if options.recorded is None else read_log(options.recorded, config)
     if film is not None:
-        find_camera(compile_rehearsal(config).model, film.camera or CLOSE)
+        find_camera(compile_rehearsal(config).model, film.camera or AUTO)
         check_colour(film.colour)
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)

@@ -5,6 +5,7 @@ software rasteriser) anyway. Each grain is a small octahedron of its own shape a
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import map_coordinates, uniform_filter
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -16,6 +17,8 @@ MARKED_SKIN = "marked grains"
 GRAIN_RADIUS = 0.62
 """Mean radius of a drawn grain, in spacings of the grains: neighbours touch, so that a heap looks closed."""
 CORNERS: Array = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+FULL_CELL, STEEP = 8, 0.06
+"""Grains in a cube of a heap, and the slope of density, in these per cube, from which a surface is one."""
 FACES = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
 """Corners of each face, counter-clockwise seen from outside."""
 GRAIN_VERTICES = FACES.size
@@ -58,20 +61,29 @@ def compute_normals(facets: Array) -> Array:
     return normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
 
-def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool_]:
-    """Return which grains (n,) at positions (n, 3) [m] lie inside a heap: none of the cubes around theirs is empty.
-    cell: side of the cubes [m]. Without hidden grains the picture is the same at half the cost."""
+def find_surface(positions: NDArray[np.floating], cell: float) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Return which grains (m,) of those at positions (n, 3) [m] are not inside a heap, and the heap's outward direction
+    at them (m, 3): about of length 1, upwards for a single grain.
+    Inside one, all cubes around theirs are full. Without those grains the picture is the same at half the cost.
+    cell: side of the cubes [m]."""
     if not len(positions):
-        return np.zeros(0, bool)
-    index = np.floor(positions / cell).astype(np.int64)
-    index -= index.min(axis=0) - 1
-    shape = index.max(axis=0) + 2
-    flat = np.ravel_multi_index(tuple(index.T), tuple(shape))
+        return np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
+    scaled = positions / cell
+    scaled = scaled - np.floor(scaled.min(axis=0)) + 2.0
+    index = scaled.astype(np.int32)
+    shape = tuple(index.max(axis=0) + 3)
+    flat = np.ravel_multi_index(tuple(index.T), shape)
     counts = np.bincount(flat, minlength=int(np.prod(shape))).reshape(shape)
-    full = counts > 0
+    full = counts >= FULL_CELL
     for axis in range(3):
         full = full & np.roll(full, 1, axis) & np.roll(full, -1, axis)
-    return full.ravel()[flat]
+    shown = np.flatnonzero(~full.ravel()[flat])
+    density = uniform_filter(uniform_filter(np.minimum(counts, FULL_CELL).astype(np.float32), 3), 3)
+    slopes = np.stack([map_coordinates(slope, scaled[shown].T - 0.5, order=1) for slope in np.gradient(density)], 1)
+    steepness = np.linalg.norm(slopes, axis=1, keepdims=True)
+    outward = -slopes / np.maximum(steepness, STEEP * FULL_CELL)
+    outward[:, 2] = np.maximum(outward[:, 2], 0.0) + 0.5  # in a thin layer the slope is of either sign
+    return shown, outward.astype(np.float32)
 
 
 def read_facets(model: mujoco.MjModel, grain_count: int) -> Array:

@@ -1,12 +1,16 @@
 """Pictures of a MuJoCo scene with its grains."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from robosim.base.errors import RobosimError
 from robosim.config.scene import RegionConfig
-from robosim.rendering.grain_skin import FACES, compute_normals, find_hidden, read_facets
+from robosim.rendering.grain_skin import FACES, compute_normals, find_surface, read_facets
+from robosim.rendering.soft_shadows import MAP_SIZE, View, shade
 
 Array = NDArray[np.float64]
 
@@ -14,7 +18,16 @@ TARGET_MARK = "target_mark"
 """Body and geom of it."""
 MARK_THICKNESS = 0.0015
 """Half thickness [m] of a mark on the table."""
-CELL_IN_RADII = 3.0
+SMOOTHING = 2
+"""Samples along a pixel's edge."""
+SHADE = 0.5
+"""Share of a surface's light that the key light gives it, and a shadow takes."""
+HEAP = 2.0
+"""Weight of a heap's normal beside that of a grain's face."""
+SKY = (228.0, 233.0, 239.0), (204.0, 209.0, 216.0)
+"""Colours of what is behind everything, at the top and at the bottom of a picture: RGB."""
+MOST_GEOMS = 10_000
+CELL_IN_RADII = 4.0
 """Side of the cubes that find hidden grains, in radii: large enough that few inside a heap are empty by chance."""
 APT_COMMAND = "apt-get install -y --no-install-recommends libegl1 libgl1"
 
@@ -32,7 +45,7 @@ class SceneRenderer:
     width, height: in pixels. Raises RenderingUnavailable."""
 
     def __init__(self, model: mujoco.MjModel, grain_count: int, width: int = 1280, height: int = 720) -> None:
-        self._model = model
+        self._model, self._size = model, (height, width)
         self._facets = read_facets(model, grain_count)
         self._radius = float(np.linalg.norm(self._facets, axis=2).mean()) if grain_count else 0.0
         shape = (len(self._facets), len(FACES), 3, 3)
@@ -41,7 +54,10 @@ class SceneRenderer:
         a, b, c = np.moveaxis(self._facets, 2, 0)
         self._outward = np.cross(b - a, c - a)
         """Normals (n, 8, 3) of the faces, not of unit length."""
-        self._renderer = open_renderer(model, width, height)
+        self._gl, self._context = open_context(model, *(max(SMOOTHING * n, MAP_SIZE) for n in (width, height)))
+        self._scene = mujoco.MjvScene(model, MOST_GEOMS)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_SKYBOX):
+            self._scene.flags[flag] = False
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)  # without collision geoms
         self._option.sitegroup[:] = 0
@@ -54,13 +70,41 @@ class SceneRenderer:
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
-        self._renderer.update_scene(data, camera, self._option)
-        for geom in self._renderer.scene.geoms[: self._renderer.scene.ngeom]:
-            if geom.rgba[3] < 1.0:  # decoration casts no shadow; that of a clear wall would be as dark as a solid one's
-                geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+        eye = mujoco.MjvCamera() if isinstance(camera, str) else camera
+        if isinstance(camera, str):
+            eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(camera).id
+        scene, (height, width) = self._scene, self._size
+        mujoco.mjv_updateScene(self._model, data, self._option, None, eye, mujoco.mjtCatBit.mjCAT_ALL, scene)
         if len(self._facets):
             self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32), marked)
-        return self._renderer.render()
+        self._gl.make_current()
+        view = View.of(scene)
+        picture, depth = self._read(view, SMOOTHING * height, SMOOTHING * width)
+        empty = np.asarray(Image.fromarray((depth == 0.0).view(np.uint8) * np.uint8(255)).reduce(SMOOTHING)) / \
+            np.float32(255)
+        colours = np.asarray(Image.fromarray(picture).reduce(SMOOTHING), np.float32)
+        distances, room = view.distance(depth[::SMOOTHING, ::SMOOTHING]), self._model.vis.map
+        extent = self._model.stat.extent
+        fog = np.clip((distances / extent - room.fogstart) / (room.fogend - room.fogstart), 0.0, 1.0)
+        share = 1.0 - fog
+        light = next((light for light in scene.lights[: scene.nlight] if light.castshadow), None)
+        if light is not None:
+            seen_by = View.of_light(light, self._model.stat.center, room.shadowscale * extent)
+            lit = shade(distances, view, seen_by, lambda view: self._read(view, MAP_SIZE, MAP_SIZE)[1])
+            share *= 1.0 - SHADE * (1.0 - lit)
+        rows = np.linspace(SKY[0], SKY[1], height, dtype=np.float32)[:, None]
+        colours = colours * share[..., None]
+        colours += np.maximum(empty, fog)[..., None] * rows
+        return colours.astype(np.uint8)
+
+    def _read(self, view: View, height: int, width: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return colours (height, width, 3) of a view, and its depth buffer, which is 0 where nothing is seen."""
+        view.enter(self._scene)
+        rectangle = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(rectangle, self._scene, self._context)
+        picture, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
+        mujoco.mjr_readPixels(picture, depth, rectangle, self._context)
+        return picture[::-1], depth[::-1]
 
     def _place_grains(self, positions: NDArray[np.floating], marked: NDArray[np.bool_] | None = None) -> None:
         """Overwrite the skins, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
@@ -68,11 +112,10 @@ class SceneRenderer:
         if count > len(self._facets):
             raise ValueError(f"positions of {count} grains; accepted: at most {len(self._facets)}, as many as the "
                              f"scene's skin has")
-        visible = np.flatnonzero(~find_hidden(positions, CELL_IN_RADII * self._radius))
-        scene = self._renderer.scene
+        visible, outward = find_surface(positions, CELL_IN_RADII * self._radius)
+        scene = self._scene
         # faces that look away from the camera are behind others of their grain
-        eye = 0.5 * (np.array(scene.camera[0].pos) + np.array(scene.camera[1].pos))
-        sight = (eye - positions[visible]).astype(np.float32)
+        sight = (View.of(scene).position - positions[visible]).astype(np.float32)
         grain, face = np.nonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
         is_marked = np.zeros(len(grain), bool) if marked is None else marked[visible[grain]]
         for skin in range(self._model.nskin):
@@ -82,21 +125,18 @@ class SceneRenderer:
             # only the first vertices of a skin are filled, streamed and drawn
             vertices = self._facets[shown, shown_face] + positions[shown, None]
             scene.skinvert[begin : begin + 3 * used] = vertices.ravel()
-            scene.skinnormal[begin : begin + 3 * used] = self._normals[shown, shown_face].ravel()
+            normals = self._normals[shown, shown_face] + HEAP * outward[grain[chosen], None]
+            scene.skinnormal[begin : begin + 3 * used] = normals.ravel()
             scene.skinvertnum[skin], scene.skinfacenum[skin] = used, used // 3
 
     def close(self) -> None:
         """Free the OpenGL context; osmesa prints errors at interpreter exit otherwise."""
-        self._renderer.close()
+        self._context.free()
+        self._gl.free()
 
-
-def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0) -> None:
-    """Set the shadow map's side in texels, the samples per pixel and a largest frame of 1920 x 1080.
-    A software rasteriser takes about twice the time for 4 samples."""
-    spec.visual.quality.shadowsize = shadow_size
-    spec.visual.quality.offsamples = samples
-    screen = getattr(spec.visual, "global")  # a Python keyword
-    screen.offwidth, screen.offheight = 1920, 1080
+    def __del__(self) -> None:
+        if hasattr(self, "_gl"):
+            self.close()
 
 
 def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
@@ -110,11 +150,18 @@ def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
                   rgba=[0.20, 0.60, 0.35, 0.55 if flat else 0.12])
 
 
-def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
-    """Open an offscreen renderer of width x height pixels. Raises RenderingUnavailable."""
+def open_context(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, mujoco.MjrContext]:
+    """Open an OpenGL context, and MuJoCo's for a model, for pictures of width x height pixels at most.
+    Raises RenderingUnavailable."""
     if not hasattr(mujoco, "GLContext"):  # the case with MUJOCO_GL=disable
         raise RenderingUnavailable("MuJoCo was loaded without its GL modules")
     try:
-        return mujoco.Renderer(model, height, width)
+        gl = mujoco.GLContext(width, height)
+        gl.make_current()
+        model.vis.global_.offwidth, model.vis.global_.offheight, model.vis.quality.offsamples = width, height, 0
+        context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
     except (mujoco.FatalError, ImportError, AttributeError, OSError, RuntimeError) as fault:
         raise RenderingUnavailable(fault) from fault
+    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+    context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+    return gl, context

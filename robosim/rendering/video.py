@@ -1,6 +1,8 @@
 """Films in H.264 and contact sheets, written under a temporary name and renamed when complete."""
 
 import contextlib
+import io
+import itertools
 from fractions import Fraction
 from pathlib import Path
 
@@ -99,6 +101,15 @@ def read_frames(path: Path, count: int) -> list[Frame]:
         film.seek(0)
         wanted = np.linspace(0, number - 1, count).round().astype(int)
         return [frame.to_ndarray(format="rgb24") for k, frame in enumerate(film.decode(video=0)) if k in wanted]
+
+
+def read_frame(path: Path, k: int) -> bytes:
+    """Return the k-th frame of a film as a .jpg file."""
+    stream = io.BytesIO()
+    with av.open(str(path)) as film:
+        frame = next(itertools.islice(film.decode(video=0), k, None))
+        Image.fromarray(frame.to_ndarray(format="rgb24")).save(stream, format="JPEG", quality=88)
+    return stream.getvalue()
 
 
 def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:

@@ -61,9 +61,10 @@ class Page:
                  for title, curves in charts.items()]
         self.add_plot(draw_charts(drawn, {}, x), caption)
 
-    def add_film(self, content: bytes, caption: str = "") -> None:
-        """Add a film; content: of an .mp4 file."""
-        self._add("film", data=base64.b64encode(content).decode(), caption=caption)
+    def add_film(self, content: bytes, caption: str = "", still: bytes = b"") -> None:
+        """Add a film; content: of an .mp4 file; still: of a .jpg file, shown until it plays."""
+        self._add("film", data=base64.b64encode(content).decode(), caption=caption,
+                  still=base64.b64encode(still).decode())
 
     def add_picture(self, content: bytes, caption: str = "") -> None:
         """Add a picture; content: of a .png file."""

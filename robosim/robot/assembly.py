@@ -94,7 +94,7 @@ class Assembly:
             body.add_geom(name="clamp_post" if collides else "", type=mujoco.mjtGeom.mjGEOM_CYLINDER, group=group,
                           size=[CLAMP_RADIUS, length / 2.0, 0.0], pos=[0.0, 0.0, length / 2.0],
                           mass=0.0 if collides else CLAMP_MASS, contype=collides, conaffinity=collides,
-                          rgba=[0.3, 0.31, 0.33, 1.0])
+                          rgba=[0.72, 0.73, 0.75, 1.0])
 
     def _find_grip(self) -> Pose:
         """Pose of the grip in the frame of the wrist's body."""

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 import mpm
 from robosim.rendering.grain_skin import add_grain_skin
-from robosim.rendering.renderer import SceneRenderer, apply_quality
+from robosim.rendering.renderer import SceneRenderer
 from robosim.robot.mjspec import compile_spec
 
 BALL = 0.62
@@ -22,7 +22,6 @@ class GrainRenderer:
                  width: int = 1280, height: int = 720) -> None:
         drawn, count = spec.copy(), len(solver.masses())
         volume = solver.masses() / np.repeat([body.material.density for body in solver.bodies], solver.particles.counts)
-        apply_quality(drawn)
         add_grain_skin(drawn, count, BALL * float(np.cbrt(np.mean(volume))), [*colour, 1.0])
         self._model = compile_spec(drawn)
         self._data, self._solver = mujoco.MjData(self._model), solver

@@ -11,7 +11,7 @@ import mpm
 from robosim.config.materials import MaterialConfig
 from robosim.rendering.depth_camera import DepthCamera, find_noise
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
-from robosim.rendering.renderer import SceneRenderer, apply_quality
+from robosim.rendering.renderer import SceneRenderer
 from robosim.robot.mjspec import compile_spec
 from robosim.scene.grains import grain_volume
 from robosim.senses.task_scene import SeenBodies, build_seen_spec
@@ -91,7 +91,6 @@ class TaskPicture:
     def __init__(self, spec: mujoco.MjSpec, task: TaskConfig, material: MaterialConfig, width: int = 640,
                  height: int = 480) -> None:
         count = task.grains.count
-        apply_quality(spec)
         add_grain_skin(spec, count, GRAIN_RADIUS * grain_volume(task) ** (1 / 3), material.colour)
         self._model = compile_spec(spec)
         self._bodies = SeenBodies(self._model, task)

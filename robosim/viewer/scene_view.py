@@ -11,7 +11,7 @@ import mpm
 from robosim.recordings.frames import PRESSURES, SPEEDS, GrainState, SceneState
 from robosim.recordings.header import CameraEntry, find_placed
 from robosim.recordings.reader import Recording
-from robosim.rendering.grain_skin import find_hidden
+from robosim.rendering.grain_skin import find_surface
 from robosim.viewer.charts import History
 from robosim.viewer.overlays import Overlays
 
@@ -190,10 +190,10 @@ class SceneView:
         placed = find_placed(regions, poses, grains.positions) if self.colouring == "outside" else None
         colours = self._colours.colours(grains, self.colouring, placed)
         radius = self.recording.header.grain_radius
-        seen = ~find_hidden(grains.positions, CELL_IN_RADII * radius)
+        seen, _ = find_surface(grains.positions, CELL_IN_RADII * radius)
         self._sight = read_sight(self.server)
         if self._sight is not None:
-            seen &= find_in_sight(grains.positions, self._sight, radius)
+            seen = seen[find_in_sight(grains.positions[seen], self._sight, radius)]
         self._grains.points = (grains.positions[seen] - self._centre).astype(np.float16)
         self._grains.colors = colours[seen]
 

@@ -18,12 +18,13 @@ def add_parser(commands: Any) -> None:
                                  description="Draw a video from the recording of `rehearse`, `evaluate` or `chain`, "
                                  "also of a run that was interrupted, with another camera, size or colour.")
     parser.add_argument("what", type=Path, metavar="RUN", help="folder of a run, or a recording (.rec)")
-    parser.add_argument("--camera", help="camera: close, overview or wrist, and of a rehearsal follow, of a sub-task "
-                        "task or side (default: close, of a sub-task task)")
+    parser.add_argument("--camera", help="camera: auto, orbit, close, overview or wrist, and of a rehearsal follow, of "
+                        "a sub-task task or side (default: auto, of a sub-task task)")
     parser.add_argument("--colour", default="material", choices=COLOURS,
                         help="what the colour of the grains shows: the material, or which grains are awake")
     parser.add_number("--height", default=720, help="height of the pictures [pixels], 16 : 9")
-    parser.add_number("--poster", help="also make poster.png, a still in 1080p, at this time [s]")
+    parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
+                      "(default: when the tool empties, or is full)")
     parser.add_out("rehearsal.mp4 and frames.png, episode.mp4 or chain.mp4 (default: the run's, where they are "
                    "replaced)", is_required=False)
     parser.set_defaults(run=run, after_interrupt="the recording is unchanged; the same command begins again")

@@ -7,7 +7,7 @@ from typing import Any
 from robosim.base.errors import UnknownName
 from robosim.base.resources import config_names
 from robosim.commands.arguments import one_of, refuse
-from robosim.episode import COLOURS, FOLLOW
+from robosim.episode import AUTO, COLOURS, FRAMING
 from robosim.rehearsal import CAMERAS
 
 EXAMPLE = """examples:
@@ -36,12 +36,13 @@ def add_parser(commands: Any) -> None:
                         "file with columns as in trajectory.csv, or a bag of ROS with JointState and WrenchStamped")
     parser.add_argument("--grasp", choices=["weld", "friction"], help="tool welded to the hand, or held by the fingers "
                         "alone (default: what the file says)")
-    parser.add_argument("--camera", default="close", help=f"camera of the video: {one_of((*CAMERAS, FOLLOW), '')}")
+    parser.add_argument("--camera", default=AUTO, help=f"camera of the video: {one_of((*FRAMING, *CAMERAS), '')}")
     parser.add_argument("--colour", default="material", choices=COLOURS,
                         help="what the colour of the video's grains shows: the material, or which grains are awake")
     parser.add_number("--frame-rate", default=20, help="frames of recording and video per second")
     parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9")
-    parser.add_number("--poster", help="also make poster.png, a still in 1080p, at this time [s]")
+    parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
+                      "(default: when the tool empties, or is full)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_argument("--force-export", action="store_true", help="write the motion for the real robot also where a "
                         "bound was missed, as joint_trajectory_MISSED_BOUNDS.yaml")
@@ -60,8 +61,8 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check the names, then rehearse."""
-    if options.camera not in (*CAMERAS, FOLLOW):
-        raise UnknownName("camera", options.camera, (*CAMERAS, FOLLOW))
+    if options.camera not in (*FRAMING, *CAMERAS):
+        raise UnknownName("camera", options.camera, (*FRAMING, *CAMERAS))
     if options.trajectory not in (None, "script", "recorded"):
         raise UnknownName("trajectory", options.trajectory, ("script", "recorded"))
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
@@ -80,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
 
 def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:
     """Run the rehearsal with the exact model and with errors of it."""
-    refuse(options, "with --perturb; accepted: without", recorded=None, model_errors=None, poster=None, camera="close",
+    refuse(options, "with --perturb; accepted: without", recorded=None, model_errors=None, poster=None, camera=AUTO,
            colour="material", frame_rate=20, height=720, field_threads=1)
     from robosim.studies.robustness.perturbed_runs import perturb
 

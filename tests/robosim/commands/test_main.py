@@ -29,7 +29,7 @@ WRONG = {
     "a command": (["fork"], "'fork'.*rehearse"),
     "a rehearsal": (["rehearse", "fork", "--out", "x"], "unknown rehearsal 'fork'; valid: bottle, dose_bottle"),
     "a material": (["chain", "spoon", "--material", "pepper", "--out", "x"], "unknown material 'pepper'; valid: clay"),
-    "a camera": (["rehearse", "spoon", "--camera", "left", "--out", "x"], "unknown camera 'left'; valid: close"),
+    "a camera": (["rehearse", "spoon", "--camera", "left", "--out", "x"], "unknown camera 'left'; valid: auto"),
     "a task": (["evaluate", "SpoonPuor"], "unknown task 'SpoonPuor'; valid: BottlePickPour"),
     "no suite": (["evaluate", "SpoonPour", "--alone"], "--alone without --suite; accepted: with one"),
     "a policy": (["evaluate", "SpoonPour", "--policy", "best"], "unknown policy 'best'; valid: knowing"),

@@ -13,13 +13,14 @@ from PIL import Image
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.commands.main import main
+from robosim.episode.cameras import ASPECT, FOVY_DEG, frame
 from robosim.episode.film import FilmFailed, FilmStyle, Pictures, film_run
 from robosim.episode.sheet import LOAD, name_passage
 from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry
 from robosim.recordings.reader import Recording
 from robosim.recordings.scene_recorder import SceneRecorder
-from robosim.rendering.renderer import SceneRenderer, apply_quality
+from robosim.rendering.renderer import SceneRenderer
 
 SCENE = """<mujoco>
 <visual><headlight ambient="0.4 0.4 0.4" diffuse="0.5 0.5 0.5"/></visual>
@@ -92,7 +93,6 @@ def test_a_recorded_scene_looks_like_the_simulated_one(tmp_path: Path) -> None:
     """Meshes, textures, height fields, lights and cameras, also those of moving bodies."""
     data = record(tmp_path / "recording.rec")
     spec = mujoco.MjSpec.from_string(SCENE)
-    apply_quality(spec, 1024)
     model = spec.compile()
     model.hfield_data[:] = HILLS
     for camera, name in (("close", "close"), ("wrist", "hand_wrist")):
@@ -118,7 +118,20 @@ def test_a_film_has_all_frames_and_a_sheet_and_a_poster(tmp_path: Path) -> None:
     film_run(tmp_path / "run", tmp_path, style)
     assert read_film(tmp_path / "rehearsal.mp4")[0].shape == (90, 160, 3)
     with Image.open(tmp_path / "poster.png") as poster:
-        assert poster.size == (1920, 1080)
+        assert poster.size == (3840, 2160)
+
+
+def test_a_camera_that_frames_shows_all_points_and_no_more_room_than_it_needs() -> None:
+    points = np.random.default_rng(0).uniform((-0.5, -0.4, 0.0), (0.8, 0.9, 1.1), (200, 3))
+    for azimuth in (30.0, 152.0, 250.0):
+        camera = frame(points, azimuth)
+        a, e = np.radians((azimuth, camera.elevation))
+        forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        right = np.array([np.sin(a), -np.cos(a), 0.0])
+        seen = points - (camera.lookat - camera.distance * forward)
+        x, y = (seen @ axis / (seen @ forward) / np.tan(np.radians(FOVY_DEG / 2))
+                for axis in (right / ASPECT, np.cross(right, forward)))
+        assert 0.9 < max(np.abs(x).max(), np.abs(y).max()) < 1.0 and (seen @ forward > 0).all()
 
 
 def test_grains_that_sleep_are_marked(tmp_path: Path) -> None:
@@ -169,7 +182,7 @@ def test_what_cannot_be_drawn_is_named(tmp_path: Path, monkeypatch: pytest.Monke
         recording.appearance = recording.appearance[:-2000]
         with pytest.raises(ConfigError, match=r"recording.rec: damaged: what its scene looks like: .*record the run"):
             Pictures(recording, FilmStyle())
-    with pytest.raises(UnknownName, match="unknown camera 'top'; valid: close, follow, wrist"):
+    with pytest.raises(UnknownName, match="unknown camera 'top'; valid: auto, close, follow, orbit, wrist"):
         film_run(tmp_path, style=FilmStyle("top"))
     with pytest.raises(UnknownName, match="colour"):
         film_run(tmp_path, style=FilmStyle(colour="speed"))

@@ -1,5 +1,6 @@
 """What is read of a run: quaternions whose signs do not jump, and what counts as delivered, retained or spilled."""
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,6 +11,8 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.mass_balance import compute_fractions
+from robosim.rehearsal.metrics import find_missed, get_bounds
+from robosim.rehearsal.page import describe_run
 from robosim.rehearsal.readings import Readings, Steps, make_continuous, name_columns
 from robosim.scene.grains import is_in_tool
 from robosim.shapes import tool_shape
@@ -63,3 +66,16 @@ def test_grains_in_the_tool_are_not_delivered() -> None:
         fractions = compute_fractions(run, np.array([config.area.centre, on_the_area, [0.0, 0.0, 0.0]]))
         assert (fractions["delivered_fraction"], fractions["retained_fraction"]) == pytest.approx(expected)
         assert fractions["spilled_fraction"] == pytest.approx(1.0 / 3.0)
+
+
+def test_a_page_says_in_one_sentence_what_happened() -> None:
+    bounds = get_bounds(load_rehearsal("spoon"))
+    figures = dict.fromkeys(bounds, 0.0) | {
+        "material": "sugar", "scooped_mass_kg": 0.0532109, "delivered_fraction": 0.998, "spilled_fraction": 0.0021,
+        "wrist_payload_kg": 0.053, "path_error_inside_max_m": 0.00181234, "set_down_tilt_deg": None}
+    said = describe_run(figures, [], bounds)
+    assert said == "53.2 g of sugar scooped, 99.8 % delivered, 0.112 g spilled; every bound held; the closest: " \
+                   "path error inside max, 1.81 mm of 2 mm"
+    figures["spilled_fraction"] = 0.0712345678
+    said = describe_run(figures, find_missed(dict(figures), load_rehearsal("spoon")), bounds)
+    assert re.match(r"1 of \d\d bounds missed: spilled_fraction = 0.071235; accepted: 0 to 0.05. 53.2 g of", said)

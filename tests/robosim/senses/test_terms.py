@@ -9,7 +9,7 @@ from gymnasium.utils.env_checker import check_env
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.envs import BUNDLED
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
-from robosim.rendering.renderer import SceneRenderer, apply_quality
+from robosim.rendering.renderer import SceneRenderer
 from robosim.robot.mjspec import compile_spec
 from robosim.scene.grains import grain_volume
 from robosim.senses.task_scene import SeenBodies, build_task_spec
@@ -129,7 +129,6 @@ def test_depth_is_that_of_the_renderer(task: str, arm: bool, camera: str):
     env = make(task, obs=[{"name": "depth", "camera": camera}], arm=arm)
     seen = run(env, 8)[-1]["depth"]
     spec = build_task_spec(env.task, env.carrier.build_spec(), marks=False)
-    apply_quality(spec)
     count = env.task.grains.count
     add_grain_skin(spec, count, GRAIN_RADIUS * grain_volume(env.task) ** (1 / 3), env.material.colour)
     model = compile_spec(spec)
