@@ -51,6 +51,11 @@ class Features:
     """Whether one thread advances the scene; otherwise several threads or a GPU."""
 
     @property
+    def barred(self) -> bool:
+        """Whether static solids have a barrier at the particles: the nodes of "near" keep them farther off."""
+        return self.touching and bool(self.static_colliders)
+
+    @property
     def moving_colliders(self) -> tuple[int, ...]:
         """Colliders that are given a motion, in the order of the motion table's rows."""
         return self.moving_solids + self.shells
