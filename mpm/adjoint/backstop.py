@@ -23,7 +23,7 @@ def stop_back(a: ti.template(), P: ti.template(), B: ti.template(), dt):
         for l in range(LANES):
             x = ti.Vector([P.x[d][q][l] for d in range(3)])
             owner, n, barrier = 0, 0.0 * x, 0.0 * dt
-            if ti.static(a.fields.features.barred):
+            if ti.static(len(a.fields.features.static_colliders) > 0):
                 owner, n, barrier = plane_at(a.fields, x)
                 after = ti.Vector([a.after.x[d][q][l] for d in range(3)])
                 if n.dot(after) > barrier + NEARBY * a.fields.cell:

@@ -4,7 +4,7 @@ from mpm.adjoint.coulomb import coulomb_back, normal_back, surface_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import FACE, deciding_node, is_at_edge, touched_face, touches_static, way_ahead
+from mpm.boundaries.facing import FACE, deciding_node, touched_face, touches_static, way_ahead
 from mpm.boundaries.particle_contact import SOLID_RECOVERY
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
@@ -46,11 +46,8 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
         if owner > 0:
             contact = a.fields.static_contact.plane[J]
             static_normal = ti.Vector([contact[0], contact[1], contact[2]])
-            touches = contact[3] < FACE * a.fields.cell
-            if ti.static(a.fields.features.touching):
-                touches = touches and touches_static(a.fields, a.nodes, step.place, I, static_normal, contact[3],
-                                                     way_ahead(step, v))
-            if not touches:
+            if contact[3] >= FACE * a.fields.cell or not touches_static(a.fields, a.nodes, step.place, I, static_normal,
+                                                                        contact[3], way_ahead(step, v)):
                 owner = 0
         if owner > 0:
             v = coulomb(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1])
@@ -63,27 +60,20 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
             y = R.transpose() @ r
             if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
                 surface = surface_velocity(step.motion, 0, step.row, r)
-                normal, way, of_material = 0.0 * y, 0.0 * y, False
-                n_there, phi = a.fields.colliders[index].sdf.at(y)
-                if ti.static(a.fields.features.touching):
-                    normal, way, n_there, of_material = touched_face(a.fields, a.nodes, step.place, I,
-                                                                     a.fields.colliders[index].sdf, R, y,
-                                                                     way_ahead(step, v - surface))
-                elif phi < ti.static(FACE * a.fields.cell):
-                    normal = R @ n_there
+                normal, way, n_there, of_material = touched_face(
+                    a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y, way_ahead(step, v - surface))
                 if normal.norm_sqr() > 0:
                     v_bar, surface_bar, normal_bar = coulomb_back(v, surface, normal,
                                                                   a.fields.parameters.frictions[index], v_bar)
-                    if ti.static(a.fields.features.touching):
-                        if of_material:  # the material's, which the tool does not turn
-                            material_normal_back(a, step.place, I, normal, normal_bar)
-                            normal_bar = 0.0 * normal_bar
-                        elif way.norm_sqr() > 0:  # the tool's at another node
-                            normal_back(a.fields, index, step.motion_bar, step.row, R, r + R @ way, y + way, n_there,
-                                        normal_bar)
-                            normal_bar = 0.0 * normal_bar
+                    if of_material:  # the material's, which the tool does not turn
+                        material_normal_back(a, step.place, I, normal, normal_bar)
+                        normal_bar = 0.0 * normal_bar
+                    elif way.norm_sqr() > 0:  # the tool's at another node
+                        normal_back(a.fields, index, step.motion_bar, step.row, R, r + R @ way, y + way, n_there,
+                                    normal_bar)
+                        normal_bar = 0.0 * normal_bar
                     surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_there, surface_bar,
-                                 normal_bar, 0.0 * phi)
+                                 normal_bar, ti.cast(0.0, a.fields.real))
     if owner > 0:
         v_bar, _s, _n = coulomb_back(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1],
                                      v_bar)
@@ -138,10 +128,7 @@ def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(),
                 y = R.transpose() @ r
                 if r.norm_sqr() < reach and half > 0 and not fields.colliders[index].sdf.is_beyond(y, half):
                     n_t, phi = fields.colliders[index].sdf.at(y)
-                    is_pushed = phi < half
-                    if ti.static(fields.features.touching):
-                        is_pushed = is_pushed and not is_at_edge(fields.colliders[index].sdf, y, n_t, phi, fields.cell)
-                    if is_pushed:
+                    if phi < half:
                         v_l = ti.Vector([v[d].dot(mask) for d in range(3)])
                         v_bar = ti.Vector([B.v[d][q].dot(mask) for d in range(3)])
                         x_bar = ti.Vector([B.x[d][q].dot(mask) for d in range(3)])

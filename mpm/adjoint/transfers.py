@@ -34,7 +34,7 @@ def gather_back(a: ti.template(), step: ti.template()):
     """Adjoint of `gather_packs`: adds to the adjoints of node velocities, sets those of the positions before.
     The particles hold the positions before, `a.after` velocities and positions after, `a.bars` the adjoints after."""
     dt = drift_after(a.fields, step)
-    if ti.static(len(a.fields.wall_conditions) > 0 or a.fields.features.barred) and dt > 0:
+    if ti.static(len(a.fields.wall_conditions) > 0 or len(a.fields.features.static_colliders) > 0) and dt > 0:
         stop_back(a, a.fields.particles, a.bars, dt)
     gather_body_back(a, a.fields, a.fields.particles, a.bars, a.after, dt)
 

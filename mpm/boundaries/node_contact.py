@@ -16,7 +16,7 @@ REACH = FACE + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
 @ti.kernel
 def cache_static_contact(static_contact: ti.template(), shape: ti.template(), owner: ti.i32, is_first: ti.i32,
                          pose: ti.types.ndarray(), origin: ti.types.vector(3, ti.f64), cell: ti.f64,
-                         on_gpu: ti.template(), skips_edges: ti.template()):
+                         on_gpu: ti.template()):
     """Store normal and distance (n, phi) of a collider that never moves, at nodes inside it or up to a cell in front.
     is_first: what the nodes held before is forgotten."""
     ti.loop_config(serialize=not on_gpu)
@@ -32,9 +32,7 @@ def cache_static_contact(static_contact: ti.template(), shape: ti.template(), ow
         y = R.transpose() @ (ti.cast(I, ti.f64) * cell + origin - c)
         n, phi = shape.at(y)
         is_closest = static_contact.owner[I] == 0 or phi < static_contact.plane[I][3]
-        if ti.static(skips_edges):
-            is_closest = is_closest and not is_at_edge(shape, y, n, phi, cell)
-        if phi < cell and is_closest:
+        if phi < cell and is_closest and not is_at_edge(shape, y, n, phi, cell):
             world = R @ n
             static_contact.plane[I] = ti.Vector([world[0], world[1], world[2], phi])
             static_contact.owner[I] = owner + 1
@@ -131,14 +129,8 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
             y = R.transpose() @ r
             if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
                 surface = surface_velocity(step.motion, k, step.row, r)
-                normal = 0.0 * y
-                if ti.static(fields.features.touching):
-                    normal, _w, _n, _m = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y,
-                                                      way_ahead(step, v - surface))
-                else:
-                    n_t, phi = fields.colliders[index].sdf.at(y)
-                    if phi < ti.static(FACE * fields.cell):
-                        normal = R @ n_t
+                normal, _w, _n, _m = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y,
+                                                  way_ahead(step, v - surface))
                 if normal.norm_sqr() > 0:
                     if ti.static(fields.mobile_place[index] >= 0):
                         list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
@@ -158,10 +150,8 @@ def collide_with_static(fields: ti.template(), step: ti.template(), I, before, m
     if owner > 0:
         contact = fields.static_contact.plane[J]
         normal = ti.Vector([contact[0], contact[1], contact[2]])
-        touches = contact[3] < FACE * fields.cell
-        if ti.static(fields.features.touching):
-            touches = touches and touches_static(fields, GRID_NODES, 0, I, normal, contact[3], way_ahead(step, v))
-        if touches:
+        if contact[3] < FACE * fields.cell and touches_static(fields, GRID_NODES, 0, I, normal, contact[3],
+                                                              way_ahead(step, v)):
             new = coulomb(v, v * 0.0, normal, fields.parameters.frictions[owner - 1])
             credit(step.out, fields.rows.first_collider + owner - 1, place, mass * (new - v))
             v = new

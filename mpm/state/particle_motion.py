@@ -152,7 +152,7 @@ def stopped_velocity(fields: ti.template(), x, v, dt):
     u = v
     for d in ti.static(range(3)):
         u[d] = kept_off_walls(fields, d, x[d], v[d], dt)
-    if ti.static(fields.features.barred):
+    if ti.static(len(fields.features.static_colliders) > 0):
         owner, n, barrier = plane_at(fields, x)
         if owner > 0:
             u += push_off(n, barrier, x, u, dt) * n
@@ -166,7 +166,7 @@ def stop_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q, v
     for d in ti.static(range(3)):
         change += ti.abs(kept_off_walls(fields, d, P.x[d][q], v[d], dt) - v[d])
     for l in range(LANES):
-        if (ti.static(fields.features.barred) or change[l] > 0.0) \
+        if (ti.static(len(fields.features.static_colliders) > 0) or change[l] > 0.0) \
                 and P.volume[q][l] > 0.0 and not is_at_shell(fields, P, q, l):
             x, u = ti.Vector([P.x[d][q][l] for d in range(3)]), ti.Vector([v[d][l] for d in range(3)])
             kept = stop_at_barriers(fields, step, x, u, P.volume[q][l] * density_of(fields, q), dt)
@@ -182,7 +182,7 @@ def stop_at_barriers(fields: ti.template(), step: ti.template(), x, v, mass, dt)
         u[d] = kept_off_walls(fields, d, x[d], v[d], dt)
         if u[d] != v[d]:
             credit_wall(fields, step, d, place, mass * (u[d] - v[d]))
-    if ti.static(fields.features.barred):
+    if ti.static(len(fields.features.static_colliders) > 0):
         owner, n, barrier = plane_at(fields, x)
         push = push_off(n, barrier, x, u, dt)
         if owner > 0 and push > 0:

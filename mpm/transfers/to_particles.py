@@ -44,7 +44,7 @@ def gather_and_move(fields: ti.template(), P: ti.template(), step: ti.template()
         for r in ti.static(range(3)):
             for c in ti.static(range(3)):
                 P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
-        if ti.static(len(fields.wall_conditions) > 0 or fields.features.barred) and dt > 0:
+        if ti.static(len(fields.wall_conditions) > 0 or len(fields.features.static_colliders) > 0) and dt > 0:
             stop_pack(fields, P, step, q, v, dt)
         for r in ti.static(range(3)):
             P.v[r][q] = v[r]
