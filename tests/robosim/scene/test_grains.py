@@ -1,12 +1,11 @@
 """Initial positions of the grains, and the checks of what can be filled."""
 
-
 import numpy as np
 import pytest
 
 import mpm
 from robosim.base.errors import ConfigError
-from robosim.base.resources import container_names
+from robosim.base.resources import folder
 from robosim.config.materials import Law, load_material
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.scene import ContainerConfig
@@ -54,7 +53,7 @@ def test_nothing_begins_with_grains_in_a_solid(name: str) -> None:
         assert len(solver.positions()) > 100 if task is None else len(solver.positions()) == task.grains.count
 
 
-@pytest.mark.parametrize("name", container_names())
+@pytest.mark.parametrize("name", sorted(path.stem for path in (folder("models") / "containers").glob("*.xml")))
 def test_the_region_that_is_shown_holds_the_grains_that_count_however_the_container_is_turned(name: str) -> None:
     container, size = ContainerConfig(position=(0.7, -0.2, 0.006), yaw_deg=35.0), np.array(read_inner_size(name))
     region, pose = container_region(name, container)
