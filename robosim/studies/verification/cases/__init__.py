@@ -31,7 +31,7 @@ MODULES = {
     "coupling.carriages": ("carried_load", "driven_wheel"), "coupling.swinging_ball": ("swinging_ball",),
     "forces.plates": ("plate_map", "plate_pull"), "forces.walls": ("plate_drag", "retaining_wall", "silo_load"),
     "forces.dropped_sphere": ("dropped_sphere",), "scenes.sleeping_scenes": ("sleeping_scenes",),
-    "robot.kinematics": ("ik_poses", "jerk_limits", "two_models"), "robot.arm_limits": ("arm_limits",),
+    "robot.kinematics": ("ik_poses", "jerk_limits", "two_models"),
 }
 """Module, which begins with the subject, -> names of its cases, in the order of the report."""
 PLACES = {name: place for place, names in MODULES.items() for name in names}
