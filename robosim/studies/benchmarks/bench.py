@@ -4,17 +4,14 @@ Each figure is the median of repeated runs in a process of its own."""
 import os
 import statistics
 import sys
-import time
 import timeit
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import mpm
-from mpm.backend import ti
 from robosim.base.errors import UnknownName
 from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
@@ -24,13 +21,9 @@ from robosim.envs.batch import GrainBatch
 from robosim.envs.grain_env import GrainEnv
 from robosim.envs.vector import GrainVectorEnv
 from robosim.episode.play import play
-from robosim.studies.benchmarks import KINDS, RESET_TASKS
 from robosim.studies.evaluation.policies import ScriptedPolicy
 from robosim.studies.verification.cases import find
 from robosim.studies.verification.stability.coupled import build_scene
-
-RESETS = "resets_"
-"""How the names of parts begin that time resets."""
 
 
 def median_seconds(work: Callable[[], object], repeats: int = 5) -> float:
@@ -94,67 +87,22 @@ def measure_rendering() -> dict[str, float]:
     return {"frames of 2880 grains per second": 10 / median_seconds(lambda: [env.render() for _ in range(10)])}
 
 
-def measure_resets(name: str, kind: str, seeds: int = 6, turns: int = 8) -> dict[str, float]:
-    """Time resets of a task's environments with randomize="nominal" and "wide": medians [ms] and their ratio.
-
-    kind: "alone"; "arm": with the whole arm; "vector": four that share a field, all reset at once. The same seeds are
-    reset once before, untimed, and their starts have settled then; turns: how often each is timed. There is a step
-    between two resets. Times are those of the processor, as resets wait for nothing and other processes disturb these
-    least. Functions that Taichi compiles after the first reset and step of both are counted."""
-    envs = {preset: GrainVectorEnv(name, 4, workers=1, randomize=preset) if kind == "vector" else
-            GrainEnv(task=name, arm=kind == "arm", randomize=preset) for preset in ("nominal", "wide")}
-    for env in envs.values():
-        _begin(env, 0)
-    first, times = compiled_functions(), {preset: list[float]() for preset in envs}
-    for turn in range(turns + 1):
-        for seed in range(seeds):
-            for preset, env in envs.items():
-                seconds = _begin(env, seed)
-                if turn > 0:
-                    times[preset].append(seconds)
-    compiled = compiled_functions() - first
-    for env in envs.values():
-        env.close()
-    nominal, wide = (1e3 * statistics.median(each) for each in times.values())
-    label = f"{name}{'' if kind == 'alone' else f', {kind}'}"
-    return {f"{label}: nominal reset [ms]": nominal, f"{label}: wide over nominal reset": wide / nominal,
-            f"{label}: functions compiled later": compiled}
-
-
-def compiled_functions() -> int:
-    """Return the number of Taichi functions that this process has compiled or read from the cache so far."""
-    runtime = ti.lang.impl.get_runtime()  # pyright: ignore[reportOptionalMemberAccess]
-    return int(runtime.get_num_compiled_functions())
-
-
-def _begin(env: Any, seed: int) -> float:
-    """Reset to a seed, and take a step afterwards; return the processor's time [s] for the reset."""
-    begin = time.process_time()
-    env.reset(seed=seed)
-    seconds = time.process_time() - begin
-    env.step(np.zeros(env.action_space.shape, np.float32))
-    return seconds
-
-
 PARTS: dict[str, Callable[[], dict[str, float]]] = {
     "coupling": measure_coupling, "kinematics": measure_kinematics, "rendering": measure_rendering,
     **{name: partial(measure_environment, name) for name in TASKS}, "side_by_side": measure_side_by_side,
     **{f"arm_{name}": partial(measure_environment, name, arm=True) for name in TASKS},
-    **{f"{RESETS}{kind}_{name}": partial(measure_resets, name, kind) for kind in KINDS for name in RESET_TASKS},
 }
-DEFAULT_PARTS = [name for name in PARTS if not name.startswith(RESETS)]
-"""What is measured where no part is named; the twelve parts of resets are asked for by name."""
 
 
 def bench(parts: list[str], out: Path | None) -> int:
-    """Measure parts, DEFAULT_PARTS when the list is empty; print the figures and write bench.json.
+    """Measure parts, all when the list is empty; print the figures and write bench.json.
     Returns 0, or 1 where a part could not be measured. Raises UnknownName for a part that does not exist."""
     for part in parts:
         if part not in PARTS:
             also = "field by itself" if part != "field" else "field is measured by itself, without other parts"
             raise UnknownName("part", part, PARTS, also)
     folder = OutputFolder(out) if out else None
-    names, figures, failures = parts or DEFAULT_PARTS, {}, {}
+    names, figures, failures = parts or list(PARTS), {}, {}
     result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
     work = [Job("robosim.studies.benchmarks.bench:measure_part", {"name": name}) for name in names]
     for index, (_, measured, reason) in Study(None).run(work):  # times are those of today

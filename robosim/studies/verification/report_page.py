@@ -18,6 +18,8 @@ REPORT = {"made_by": {"commit": object, "machine": object}, "runs": [{
     "case": str, "choices": {str: object}, "failed": (str, None, ...), "record": ({
         "seconds": (float, None), "errors": {str: (float, None)}}, None)}]}
 """Form of report.json, as far as reports are compared."""
+PEERS_CASE, PEERS_ERROR = "collapse_profile", "rim of 99 %"
+"""Case and error with which other codes' results are drawn."""
 NOTABLE = 1.05
 """Ratio of errors or seconds from which a change is listed."""
 
@@ -78,20 +80,21 @@ def _add_runs(page: Page, records: list[Record]) -> None:
 
 def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, speed: float | None) -> str:
     """Draw a case's main error against seconds; return it as HTML."""
-    case = find(name)
-    plot = Plot(name.replace("_", " "), "seconds", f"error ({case.main_error})")
+    case, peers = find(name), peers if name == PEERS_CASE else None
+    drawn = PEERS_ERROR if peers else case.main_error
+    plot = Plot(name.replace("_", " "), "seconds", f"error ({drawn})")
     all_points = []
     for label, members in group_series(name, records).items():
-        points = [(r.seconds, max(abs(value_of(r, case.main_error)), 1e-17)) for r in members]
+        points = [(r.seconds, max(abs(value_of(r, drawn)), 1e-17)) for r in members]
         tooltips = [f"{describe(r.choices)}\n{r.particles} particles, {r.steps} steps\n{r.seconds:.3g} s, "
-                    f"{case.main_error} {value_of(r, case.main_error):.3g}" for r in members]
+                    f"{drawn} {value_of(r, drawn):.3g}" for r in members]
         plot.add_series(points, tooltips, label)
         all_points += points
     plot.add_front([all_points[k] for k in pareto_front(all_points)])
-    if name == "column_collapse" and peers is not None:
+    if peers:
         draw_peers(plot, peers, speed)
     for one in case.expectations:
-        if isinstance(one, Within) and one.name == case.main_error and one.high > 0 \
+        if isinstance(one, Within) and one.name == drawn and one.high > 0 \
                 and select(records, one.where):  # one of f64 says nothing about runs of f32
             plot.add_band(one.high, f" at {describe(one.where)}" if one.where else "")
     return plot.html()

@@ -22,16 +22,16 @@ MODULES = {
     "continuum.manufactured": ("axis_aligned", "vortex"), "continuum.statics": ("uniaxial", "column_weight"),
     "fluid": ("hydrostatic", "dam_break", "lock_gate"),
     "granular.element": ("return_mapping", "element_path"), "granular.slopes": ("slope", "heap", "chute_flow"),
-    "granular.column": ("column_collapse",), "granular.collapse_profile": ("collapse_profile",),
+    "granular.collapse_profile": ("collapse_profile",),
     "granular.discharge": ("orifice", "small_hole"), "granular.rotating_drum": ("rotating_drum",),
     "granular.sleeping": ("sleeping",),
     "coupling.shell_leak": ("shell_leak",), "coupling.impacts": ("closed_system", "bar_impact"),
-    "coupling.floating": ("floating_cube", "added_mass"),
+    "coupling.floating": ("floating_cube",),
     "coupling.blocks": ("block_at_rest", "sliding_block", "rest_height"),
     "coupling.carriages": ("carried_load", "driven_wheel"), "coupling.swinging_ball": ("swinging_ball",),
     "forces.plates": ("plate_map", "plate_pull"), "forces.walls": ("plate_drag", "retaining_wall", "silo_load"),
     "forces.dropped_sphere": ("dropped_sphere",), "scenes.sleeping_scenes": ("sleeping_scenes",),
-    "robot.kinematics": ("ik_poses", "jerk_limits", "two_models"), "robot.arm_limits": ("arm_limits",),
+    "robot.kinematics": ("ik_poses", "jerk_limits", "two_models"),
 }
 """Module, which begins with the subject, -> names of its cases, in the order of the report."""
 PLACES = {name: place for place, names in MODULES.items() for name in names}

@@ -1,4 +1,4 @@
-"""`robosim explain`: parts, costs and the cheapest setting within a tolerance; costs of resets."""
+"""`robosim explain`: parts, costs and the cheapest setting within a tolerance."""
 
 import json
 from pathlib import Path
@@ -8,8 +8,6 @@ import pytest
 from robosim.base.errors import ConfigError
 from robosim.base.output_folder import OutputFolder
 from robosim.config.rehearsal import load_rehearsal
-from robosim.studies.benchmarks import KINDS
-from robosim.studies.benchmarks.bench import measure_resets
 from robosim.studies.benchmarks.explain import compare_settings, explain, write_scene_file
 
 
@@ -62,17 +60,3 @@ def test_parts_and_costs_are_named(tmp_path: Path, capsys: pytest.CaptureFixture
     own = json.loads((tmp_path / "explain.json").read_text())["results"][0]["result"]
     assert own["readings"]["delivered"] == 1.0
     assert sum(own["costs"].values()) == pytest.approx(own["seconds"] / own["simulated_s"], rel=1e-6)
-
-
-BAR = 1.2  # ratio of a randomized reset to a nominal one that is wanted
-BOUNDS = {"alone": 1.2 * 1.16, "arm": 1.2 * 1.27, "vector": 1.2 * 1.34}
-"""A fifth above what was measured, so that a regression by a quarter fails."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_randomized_reset_compiles_nothing_and_costs_little_more(kind: str) -> None:
-    """Six episodes, six times each, after one that settles their starts; `robosim bench` gives the figures."""
-    milliseconds, ratio, compiled = measure_resets("SpoonPour", kind, turns=6).values()
-    assert compiled == 0 and 0.0 < milliseconds < 100.0
-    assert ratio < BOUNDS[kind], f"{kind}: {ratio:.2f}; wanted: at most {BAR}"

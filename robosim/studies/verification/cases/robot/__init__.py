@@ -1,3 +1,3 @@
 """Cases of the arm.
 
-Imports: config, envs, episode, robot, scene, mpm."""
+Imports: config, robot, scene, mpm."""
