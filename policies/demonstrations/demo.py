@@ -33,7 +33,6 @@ SCRIPT = "script"
 def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jobs: int = 1, arm: bool = False,
                 film: bool = True, page: Callable[[Path], object] | None = None) -> int:
     """Make demonstrations 0 to n - 1 in a folder, with their table, learning curves and films; return 0.
-
     jobs: demonstrations that are searched for at the same time. arm: whether the table has what the motion asks of the
     arm's joints. page: writes a page of the folder. Raises robosim.ConfigError where the folder cannot be used,
     mpm.InvalidValue for an option that does not fit the task, or a folder with other demonstrations."""
@@ -59,7 +58,6 @@ def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jo
 
 def record_expert(task: str, out: Path, n: int, *, seed: int, **options: Any) -> int:
     """Write episodes of the script that knows the target's place as demonstrations 0 to n - 1, print their mean score.
-
     seed: of the first; the next one's is one higher. options: of the environment. Finished ones are kept. Returns 0.
     Raises mpm.InvalidValue for a folder with others."""
     check_at_least(1, {"--expert": n})
