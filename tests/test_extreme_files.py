@@ -130,13 +130,13 @@ ARRAYS = {
 
 
 def tabulate(path: Path) -> None:
-    """Make the tables of runs, and of materials.json beside them."""
+    """Make the tables of runs."""
     rows, _ = collect_rows([path if path.name == "tables.json" else path.parent])
     if path.name == "tables.json":
         assert rows == read_table(path)
     published = read(folder("configs") / "published" / PUBLISHED)
     summaries, notes = summarise_runs(rows, published)
-    numbers, tables = make_further_tables(summaries, rows, [path.parent], published)
+    numbers, tables = make_further_tables(summaries, rows, published)
     json.dumps([summaries, numbers], allow_nan=False)
     page = Page("tables")
     fill_page(page, summaries, published, [path], tables, {"notes": notes})
@@ -196,8 +196,6 @@ def tabulate_pipeline(path: Path) -> None:
 
 TABLES = {
     "tables of runs": Reader(tabulate, {"runs": [ROW]}, "tables.json"),
-    "materials": Reader(tabulate, {"policy": "recorded", "rows": [
-        {"task": "SpoonPour", "material": "salt", "score": 1.0, "td_mm": None}]}, "materials.json"),
     "status of a run": Reader(tabulate, STATUS, "status.json"),
     "manifest of a run": Reader(tabulate, MANIFEST, "manifest.json"),
     "status to continue": Reader(continue_run, {**STATUS, "state": "running"}, "status.json"),

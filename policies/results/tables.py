@@ -96,7 +96,7 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
                                f"line: leave some out, give them another --label in training, or add --mixed")
     stale = [f"{len(group)} of {len(rows)} runs: {reason}" for reason, group in find_stale(rows).items()]
     with OutputFolder(out) as results:
-        numbers, further_tables = make_further_tables(summaries, rows, sources, published)
+        numbers, further_tables = make_further_tables(summaries, rows, published)
         results.write_json("tables.json", {"tables": summaries, **pack_rows(rows), "mixed": notes,
                                           "not_finished": unfinished, "published": published, **numbers})
         write_rows(out / "tables.csv", [{**row, "code": digest(row["code"]) if row["code"] else ""} for row in rows])
