@@ -20,11 +20,16 @@ def write(path: Path, writer: Callable[[Path], object]) -> None:
     temporary = temporary_path(path)
     try:
         writer(temporary)
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())  # or a power failure might leave the name without the content
-        os.replace(temporary, path)
+        rename(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def rename(temporary: Path, path: Path) -> None:
+    """Flush a whole file to the disk and rename it to `path`."""
+    with temporary.open("rb+") as file:
+        os.fsync(file.fileno())  # or a power failure might leave the name without the content
+    os.replace(temporary, path)
 
 
 def syntax_of(source: str) -> ast.Module:

@@ -20,7 +20,6 @@ from policies.demonstrations.reading import demonstration_paths, read_actions, r
 from policies.demonstrations.request import load_stored
 from policies.dynamics.rollouts import describe_environment, read_rollouts
 from policies.learning.presets import load_preset
-from policies.results.further_tables import make_further_tables
 from policies.results.rows import ROW as ROW_FORM
 from policies.results.tables import PUBLISHED, collect_rows, fill_page, read_table, summarise_runs
 from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
@@ -130,16 +129,15 @@ ARRAYS = {
 
 
 def tabulate(path: Path) -> None:
-    """Make the tables of runs, and of materials.json beside them."""
+    """Make the tables of runs."""
     rows, _ = collect_rows([path if path.name == "tables.json" else path.parent])
     if path.name == "tables.json":
         assert rows == read_table(path)
     published = read(folder("configs") / "published" / PUBLISHED)
     summaries, notes = summarise_runs(rows, published)
-    numbers, tables = make_further_tables(summaries, rows, [path.parent], published)
-    json.dumps([summaries, numbers], allow_nan=False)
+    json.dumps(summaries, allow_nan=False)
     page = Page("tables")
-    fill_page(page, summaries, published, [path], tables, {"notes": notes})
+    fill_page(page, summaries, published, [path], {"notes": notes})
     page.html()
     if rows:
         write_rows(path.parent / "tables.csv", rows)
@@ -196,8 +194,6 @@ def tabulate_pipeline(path: Path) -> None:
 
 TABLES = {
     "tables of runs": Reader(tabulate, {"runs": [ROW]}, "tables.json"),
-    "materials": Reader(tabulate, {"policy": "recorded", "rows": [
-        {"task": "SpoonPour", "material": "salt", "score": 1.0, "td_mm": None}]}, "materials.json"),
     "status of a run": Reader(tabulate, STATUS, "status.json"),
     "manifest of a run": Reader(tabulate, MANIFEST, "manifest.json"),
     "status to continue": Reader(continue_run, {**STATUS, "state": "running"}, "status.json"),

@@ -22,7 +22,7 @@ def add_parser(commands: Any) -> None:
                                  description="Optimise motions of a sub-task by gradient descent through the "
                                  "differentiable simulation, or by CMA-ES, and write them as demonstrations.")
     add_task(parser)
-    parser.add_out("demonstrations, plots and the table; an interrupted run continues with the same command")
+    parser.add_out("demonstrations, the table and index.html; an interrupted run continues with the same command")
     parser.add_number("--n", default=10, help="number of demonstrations, from different starts")
     parser.add_number("--expert", metavar="N", help="no search: N episodes of the task's script, displaced with "
                       "its target, with seeds from --seed on")

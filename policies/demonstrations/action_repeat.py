@@ -9,7 +9,6 @@ from mpm.geometry.rigid_motion import quaternion_of, relative_rotation, rotation
 
 class ActionRepeat:
     """The map from actions (decisions, dimensions) in [-1, 1] to the tool's twists in every step of an episode.
-
     Each action is repeated for `action_repeat` steps. As in the environment, the tool's origin stays within the task's
     box. The first three dimensions are linear velocity, three more, where a task has them, angular velocity."""
 

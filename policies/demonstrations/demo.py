@@ -17,7 +17,7 @@ from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import make_demonstrations
 from policies.demonstrations.reading import read_actions
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
-from policies.demonstrations.summary import draw_learning_curves, write_table
+from policies.demonstrations.summary import write_table
 from policies.learning.environments import fingerprint, make_environment
 from policies.learning.options import SearchOptions, check_at_least, to_words
 from robosim.base.jobs import worker_pool
@@ -32,8 +32,7 @@ SCRIPT = "script"
 
 def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jobs: int = 1, arm: bool = False,
                 film: bool = True, page: Callable[[Path], object] | None = None) -> int:
-    """Make demonstrations 0 to n - 1 in a folder, with their table, learning curves and films; return 0.
-
+    """Make demonstrations 0 to n - 1 in a folder, with their table and films; return 0.
     jobs: demonstrations that are searched for at the same time. arm: whether the table has what the motion asks of the
     arm's joints. page: writes a page of the folder. Raises robosim.ConfigError where the folder cannot be used,
     mpm.InvalidValue for an option that does not fit the task, or a folder with other demonstrations."""
@@ -48,7 +47,6 @@ def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jo
             with worker_pool(len(shares)) as pool:
                 list(pool.map(make_demonstrations, [request] * len(shares), shares))
         write_table(request, n, env, arm=arm)
-        draw_learning_curves(out, request.name, n)
         for k in range(n if film else 0):
             film_demonstration(request, k)
         if page is not None:
@@ -59,7 +57,6 @@ def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jo
 
 def record_expert(task: str, out: Path, n: int, *, seed: int, **options: Any) -> int:
     """Write episodes of the script that knows the target's place as demonstrations 0 to n - 1, print their mean score.
-
     seed: of the first; the next one's is one higher. options: of the environment. Finished ones are kept. Returns 0.
     Raises mpm.InvalidValue for a folder with others."""
     check_at_least(1, {"--expert": n})

@@ -29,7 +29,6 @@ STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "returns
 
 class Descent:
     """A search over parameters (n, k) within -1 and 1, with steps of at most about `rate`.
-
     The first `fixed` rows are not changed."""
 
     uses_gradient: ClassVar[bool] = True

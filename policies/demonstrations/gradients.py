@@ -1,5 +1,4 @@
 """`robosim gradients`: growth of derivatives backwards in time, through fluid, clay and grains, and their accuracy.
-
 Source: the figure of arXiv 2406.09178."""
 
 from pathlib import Path

@@ -1,5 +1,4 @@
 """Demonstrations as a LeRobot dataset of version 3: parquet, mp4 and meta.
-
 Source of the layout: https://huggingface.co/docs/lerobot/lerobot-dataset-v3."""
 
 import json

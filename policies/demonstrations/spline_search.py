@@ -28,7 +28,6 @@ def fit_knots(actions: np.ndarray, knots: int) -> np.ndarray:
 
 class SplineSearch:
     """A search for actions (n, k) of least loss, one motion of a generation at a time.
-
     The first `fixed` rows are not changed. Raises mpm.InvalidValue where the package cma is not installed."""
 
     uses_gradient: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""Summary of demonstrations: the table of their scores, and plots of losses and derivatives."""
+"""Summary of demonstrations: the table of their scores, and a plot of derivatives."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +6,6 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from mpm.array_files import read_arrays
 from mpm.files import write
 from policies.demonstrations.generator import DemonstrationGenerator
 from policies.demonstrations.request import DemonstrationRequest
@@ -15,22 +14,6 @@ from robosim.base.files import write_json
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)
-
-NORM_LABEL = "|d loss / d positions| [1/m]"
-
-
-def draw_learning_curves(out: Path, task: str, n: int) -> None:
-    """Write learning_curve.png from demonstrations 0 to n - 1 of a folder."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5), constrained_layout=True)
-    for k in range(n):
-        stored = read_arrays(out / f"demonstration_{k}.npz")
-        left.plot(stored["losses"], label=f"{k}, seed {int(stored['seed'])}")
-        norms = stored["norms"]
-        right.semilogy(np.arange(len(norms)), np.maximum(norms[:, 0], 1e-30), lw=0.8)
-    left.set(xlabel="iteration", ylabel="loss", title=task)
-    left.legend(fontsize=7)
-    right.set(xlabel="step of the rollout", ylabel=NORM_LABEL, title="derivatives before each step, best iterate")
-    _save(figure, out / "learning_curve.png")
 
 
 def draw_gradient_norms(path: Path, norms: dict[str, dict[str, np.ndarray]]) -> None:
@@ -46,14 +29,10 @@ def draw_gradient_norms(path: Path, norms: dict[str, dict[str, np.ndarray]]) -> 
             positive = np.flatnonzero(reversed_norms > 0)
             panel.semilogy(positive, reversed_norms[positive], lw=0.9, label=variant)
         panel.set(title=task, xlabel="reversed step")
-    axes[0, 0].set_ylabel(NORM_LABEL)
+    axes[0, 0].set_ylabel("|d loss / d positions| [1/m]")
     axes[0, 0].legend(fontsize=7)
     for panel in axes.flat[len(norms):]:
         panel.set_visible(False)
-    _save(figure, path)
-
-
-def _save(figure: Any, path: Path) -> None:
     write(path, lambda temporary: figure.savefig(temporary, dpi=120))
     plt.close(figure)
 

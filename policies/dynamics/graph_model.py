@@ -26,7 +26,6 @@ OUT_OF_BOUNDS = 10.0
 
 class GraphModel:
     """A graph network, its units, and the rigid bodies of its scene.
-
     surfaces: points of the tool and of the fixed bodies, as of `sample_surfaces`. floor: height [m] of the table."""
 
     def __init__(self, sizes: GraphSizes, rollouts: Rollouts, surfaces: tuple[np.ndarray, np.ndarray], floor: float,

@@ -1,5 +1,4 @@
 """A graph network that predicts the motion of grains by message passing between neighbours.
-
 Rigid bodies take part as points on their surfaces, whose motion is prescribed. Source: Sanchez-Gonzalez et al. 2020;
 for scooping and pouring Tuomainen et al. 2022."""
 

@@ -1,5 +1,4 @@
 """Generative adversarial imitation learning (Ho & Ermon 2016), with PPO.
-
 A discriminator learns to tell the policy's transitions from the demonstrations'; the policy is rewarded for those that
 it takes for demonstrated."""
 
@@ -21,7 +20,6 @@ WIDTH, RATE, BATCH = 64, 3e-4, 128
 
 class DiscriminatorReward(VecEnvWrapper):
     """Replaces the reward by -log(1 - D) of observation and action, and stores these pairs for the discriminator.
-
     standardise: maps pairs (n, features) to those that the discriminator takes."""
 
     def __init__(self, venv: Any, discriminator: nn.Module, standardise: Callable[[np.ndarray], torch.Tensor]) -> None:

@@ -15,7 +15,6 @@ from robosim.studies.evaluation.policies import ScriptedPolicy
 
 def aggregate(training: Training) -> None:
     """Play episodes, those of the expert first, and fit the policy to its actions in all states so far.
-
     Options of the preset: those of cloning, with updates after each episode at a rate that falls to a tenth;
     expert_episodes; noise: standard deviation of what is added to the expert's own actions, so that it shows how to
     come back. Raises mpm.InvalidValue for a task without a script."""

@@ -1,5 +1,4 @@
 """CMA-ES on a smooth motion whose outcome a graph network predicts.
-
 The best motion of each generation is played in the simulator. Source: the baseline that arXiv 2406.09178 takes from
 Tuomainen et al. 2022."""
 

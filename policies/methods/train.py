@@ -17,7 +17,6 @@ from robosim.config.settings import Setting
 def train(method: str, task: str, out: Path, options: TrainingOptions, *, episodes: int | None = None,
           obs: str | None = None, settings: Sequence[Setting] = (), page: Callable = lambda out: None) -> int:
     """Run a method in a folder to its end; return 0. A finished run is not repeated.
-
     episodes, obs: instead of the preset's. settings: in place of values of the method's file. page: writes a page of
     the finished run. Raises ConfigError for a wrong method or setting, mpm.InvalidValue for a missing package, or
     options that do not fit."""

@@ -50,7 +50,7 @@ def score_table(summaries: Summaries, published: dict) -> TextTable:
                      ["task", "method", "runs", *SCORES.values(), "published"], rows)
 
 
-def fill_page(page: Page, summaries: Summaries, published: dict, sources: list[Path], further_tables: list[TextTable],
+def fill_page(page: Page, summaries: Summaries, published: dict, sources: list[Path],
               notes: dict[str, list[str]]) -> None:
     """Put all tables, and lists of notes by title, into a page."""
     problems = sum(map(len, notes.values()))
@@ -62,7 +62,7 @@ def fill_page(page: Page, summaries: Summaries, published: dict, sources: list[P
     figures = [TextTable(title, ["method", *tasks], [
         [line, *(_format_cell(row.get(task, {}).get(figure)) for task in tasks)]
         for line, row in sorted(summaries.items())]) for figure, title in FIGURES.items()]
-    tables = [score_table(summaries, published), *figures, *further_tables]
+    tables = [score_table(summaries, published), *figures]
     shown = [table for table in tables if any(any(row[1:]) for row in table.rows)]
     shown += [TextTable(title, ["note"], [[text] for text in texts]) for title, texts in notes.items() if texts]
     for title, head, rows in shown:

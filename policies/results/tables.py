@@ -5,7 +5,6 @@ from typing import Any
 
 import mpm
 from policies.results.curves import draw_curves, group_curves, read_curve
-from policies.results.further_tables import make_further_tables
 from policies.results.page import fill_page, score_table
 from policies.results.rows import ROW, find_stale, make_row, pack_rows, unpack_rows
 from policies.results.summary import summarise_runs
@@ -96,13 +95,12 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
                                f"line: leave some out, give them another --label in training, or add --mixed")
     stale = [f"{len(group)} of {len(rows)} runs: {reason}" for reason, group in find_stale(rows).items()]
     with OutputFolder(out) as results:
-        numbers, further_tables = make_further_tables(summaries, rows, sources, published)
         results.write_json("tables.json", {"tables": summaries, **pack_rows(rows), "mixed": notes,
-                                          "not_finished": unfinished, "published": published, **numbers})
+                                          "not_finished": unfinished, "published": published})
         write_rows(out / "tables.csv", [{**row, "code": digest(row["code"]) if row["code"] else ""} for row in rows])
         curves = group_curves(rows)
         page = Page("Results of runs")
-        fill_page(page, summaries, published, sources, further_tables,
+        fill_page(page, summaries, published, sources,
                   {"Not finished": unfinished, "Means over different runs": notes, "Older than the code": stale})
         if curves:
             page.add_heading("Learning curves")
@@ -110,7 +108,7 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
             page.add_picture(picture, "Score over episodes: median of each method's runs, "
                              "and the band from their worst to their best.")
         results.write_text("index.html", page.html())
-    print("\n\n".join(table.text for table in [score_table(summaries, published), *further_tables]))
+    print(score_table(summaries, published).text)
     for title, texts in (("mean over different runs", notes), ("not finished", unfinished),
                          ("older than the code", stale)):
         for text in texts:

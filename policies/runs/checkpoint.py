@@ -1,5 +1,4 @@
 """Checkpoints: a run that continues from one ends with the same bits as one that was never interrupted.
-
 They hold pickles, as Stable-Baselines3's own files do, and a pickle executes code: one that is not signed with this
 user's key is refused. Files to share are written by `policies.learners.policy_file`."""
 
@@ -100,7 +99,6 @@ def restore_random_state(state: dict[str, Any], model: Any = None) -> None:
 
 class Checkpoints:
     """The last checkpoint of a run, kept in memory until it is due, so that an interrupt loses an episode at most.
-
     every: episodes from one checkpoint on the disk to the next."""
 
     def __init__(self, path: Path, every: int) -> None:

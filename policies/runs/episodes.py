@@ -54,7 +54,6 @@ class EpisodeRecord:
 
 class Episodes(gymnasium.Wrapper):
     """Seeds and reports the episodes of a run.
-
     options: of every reset. on_end: called with every finished Episode, before the next one starts."""
 
     def __init__(self, env: gymnasium.Env, seed: int, options: dict[str, Any] | None,

@@ -26,7 +26,6 @@ class SaturatedActor(mpm.MpmError, RuntimeError):
 
 class Evaluations:
     """Evaluates a policy in the run's own environment, whose running episode it puts back as it was.
-
     Nothing of the run depends on it: neither random numbers nor episodes. env: without what counts the run's episodes.
     folder: of the run, whose evaluations.csv has a row each. every: episodes between two. options: of every reset; the
     task's own start needs one episode. is_running: whether the run's episodes are in `env`, too."""

@@ -20,7 +20,6 @@ PENDING = ("name_to_value", "name_to_count", "name_to_excluded")
 
 class EventLog(KVWriter):
     """Writes the scalars of Stable-Baselines3's logger.
-
     size: bytes of an earlier log that the run continues after; None: all of it."""
 
     def __init__(self, path: Path, size: int | None) -> None:

@@ -1,5 +1,4 @@
 """The pipeline from nothing to the whole arm's motion, a command after the other.
-
 Demonstrations and training of every sub-task, the recorded sub-tasks in sequence, and the whole arm, each in a folder
 of its own. Source: arXiv 2406.09178, Algorithm 1."""
 
@@ -52,7 +51,6 @@ def recorded_rehearsals() -> dict[str, list[str]]:
 
 class Pipeline:
     """Runs the stages of a pipeline that are not finished; pipeline.json has the state of each.
-
     options: of `robosim pipeline`. Raises mpm.InvalidValue for a wrong option, or a folder that holds a pipeline with
     other options."""
 

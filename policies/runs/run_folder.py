@@ -1,5 +1,4 @@
 """The folder of a run.
-
 manifest.json says what the run is, status.json how far it has come; episodes.csv has its episodes, best.npz the actions
 of the best one, checkpoint.zip its last checkpoint."""
 
@@ -28,7 +27,6 @@ LAST = 10
 
 class RunFolder:
     """The files of one run; its lock keeps other processes out until `close`.
-
     Raises mpm.InvalidValue where the folder holds another run, unless `force`."""
 
     def __init__(self, path: Path, manifest: dict[str, Any], force: bool = False) -> None:

@@ -26,7 +26,6 @@ POLL = 0.2
 def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = False,
           settings: Sequence[Setting] = ()) -> int:
     """Run what is not finished of a sweep file; return 0, or 1 when some runs failed.
-
     jobs: processes at a time. launcher: what runs them elsewhere, with `configure` and `run`; None: here. dry_run: only
     print the runs. settings: in place of values of the file. Raises robosim.ConfigError for a wrong file,
     mpm.InvalidValue for jobs below 1."""

@@ -49,7 +49,6 @@ MAX_BUFFER = 16 * 2**30
 
 class Training:
     """One run in one folder. A method (`policies.methods.method.Method`) brings it to its end.
-
     Raises mpm.InvalidValue for arguments that do not fit each other, or a folder that holds another run."""
 
     def __init__(self, method: str, preset: Preset, task: str, out: Path, options: TrainingOptions) -> None:

@@ -6,29 +6,25 @@ import mujoco
 import numpy as np
 
 from robosim.base.errors import UnknownName
-from robosim.episode import AUTO, FOLLOW, ORBIT
+from robosim.episode import AUTO, ORBIT
 from robosim.recordings.header import region_pose
 from robosim.recordings.reader import Recording
 from robosim.rendering.body_shapes import can_move
 from robosim.robot.assembly import HAND_PREFIX
 
-Camera = Callable[[mujoco.MjData, float], str | mujoco.MjvCamera]
-"""Gives the camera at a time [s]; data: with positions of bodies."""
+Camera = Callable[[float], str | mujoco.MjvCamera]
+"""Gives the camera at a time [s]."""
 FOVY_DEG, ASPECT = 30.0, 16 / 9
 """Vertical angle, and width by height of pictures."""
 AZIMUTH_DEG, ELEVATION_DEG, SWING_DEG = 152.0, -21.0, 40.0
 """Direction of sight, from the other side of the table, and half the angle through which `ORBIT` turns."""
 MARGIN, LOOKS = 1.06, 60
 """Room around what is framed, and frames that are looked at for it."""
-DISTANCE, LAG = 0.95, 0.5
-"""Of the camera that follows the hand: distance from what it looks at [m], and the time [s] in which it follows: a jerk
-of the hand does not shake the picture."""
 
 
-def find_camera(model: mujoco.MjModel, name: str, follows: bool = True) -> str:
-    """Return the name that a camera of a film, of the scene, or of the hand in it, has; raises UnknownName.
-    follows: whether there is a hand to be followed."""
-    names = [model.camera(k).name for k in range(model.ncam)] + [AUTO, ORBIT] + [FOLLOW] * follows
+def find_camera(model: mujoco.MjModel, name: str) -> str:
+    """Return the name that a camera of a film, of the scene, or of the hand in it, has; raises UnknownName."""
+    names = [model.camera(k).name for k in range(model.ncam)] + [AUTO, ORBIT]
     for found in (name, HAND_PREFIX + name):
         if found in names:
             return found
@@ -38,28 +34,12 @@ def find_camera(model: mujoco.MjModel, name: str, follows: bool = True) -> str:
 def make_camera(recording: Recording, model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Camera:
     """Make a camera of a film by its name, as of `find_camera`.
     data: of the model, in which the bodies of frames are placed."""
-    if name not in (AUTO, ORBIT, FOLLOW):
-        return lambda data, time: name
+    if name not in (AUTO, ORBIT):
+        return lambda time: name
     model.vis.global_.fovy = FOVY_DEG
-    if name == FOLLOW:
-        return follow_hand(model.body(recording.header.hand).id, model.body(recording.header.tool).id)
     points, end = find_framed(recording, model, data), max(float(recording.values()[0][-1]), 1e-9)
     swing = SWING_DEG * (name == ORBIT)
-    return lambda data, time: frame(points, AZIMUTH_DEG + swing * (2.0 * time / end - 1.0))
-
-
-def follow_hand(hand: int, tool: int) -> Camera:
-    """Make a camera that keeps the bodies of hand and tool in the picture: it looks between them, smoothly."""
-    camera, last = mujoco.MjvCamera(), [-np.inf]
-    camera.type, camera.distance, camera.azimuth, camera.elevation = mujoco.mjtCamera.mjCAMERA_FREE, DISTANCE, 205, -28
-
-    def follow(data: mujoco.MjData, time: float) -> mujoco.MjvCamera:
-        aim = 0.4 * data.xpos[hand] + 0.6 * data.xpos[tool]
-        camera.lookat[:] += (1.0 - np.exp(min(last[0] - time, 0.0) / LAG)) * (aim - camera.lookat)
-        last[0] = time
-        return camera
-
-    return follow
+    return lambda time: frame(points, AZIMUTH_DEG + swing * (2.0 * time / end - 1.0))
 
 
 def find_framed(recording: Recording, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:

@@ -12,16 +12,16 @@ from av.error import FFmpegError
 from PIL import Image
 
 from mpm.files import write
-from robosim.base.errors import ConfigError, RobosimError, UnknownName
+from robosim.base.errors import ConfigError, RobosimError
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 from robosim.config.scene import RegionConfig
-from robosim.episode import AUTO, COLOURS
+from robosim.episode import AUTO
 from robosim.episode.cameras import find_camera, make_camera
 from robosim.episode.sheet import choose_moment, find_passages, name_passage
 from robosim.recordings.appearance import build_appearance
 from robosim.recordings.reader import FILE, Recording, find_recordings
-from robosim.rendering.grain_skin import MARKED_SKIN, add_grain_skin
+from robosim.rendering.grain_skin import add_grain_skin
 from robosim.rendering.renderer import RenderingUnavailable, SceneRenderer, add_mark
 from robosim.rendering.video import Mp4Writer, write_caption, write_contact_sheet
 from robosim.robot.mjspec import compile_spec
@@ -33,8 +33,6 @@ CHAIN = "chain.mp4"
 CAMERAS = {"task": "task"}
 """Kind of a recording -> camera of its film, where another one than `AUTO` is usual."""
 SHEET, POSTER, POSTER_HEIGHT = "frames.png", "poster.png", 2160
-ASLEEP = (0.25, 0.38, 0.62, 1.0)
-"""Colour of grains that sleep: RGBA."""
 
 
 class FilmFailed(RobosimError, RuntimeError):
@@ -46,8 +44,6 @@ class FilmStyle(NamedTuple):
 
     camera: str | None = None
     """Name of a camera of the scene, or of the hand in it; None: the usual one."""
-    colour: str = "material"
-    """One of `COLOURS`."""
     height: int = 720
     """Of a picture [pixels], 16 : 9."""
     poster: float | bool | None = None
@@ -61,7 +57,7 @@ EPISODE = FilmStyle(height=480)
 def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = None) -> Path:
     """Draw the film of a run, its folder or one of its recordings; return its file.
     folder: None for that of the recordings. A rehearsal has a sheet of frames beside its film. Raises ConfigError for
-    what cannot be drawn, UnknownName for camera and colour, RenderingUnavailable, and FilmFailed, as for a full disk.
+    what cannot be drawn, UnknownName for the camera, RenderingUnavailable, and FilmFailed, as for a full disk.
     """
     style, paths = style or FilmStyle(), find_recordings(run)
     with contextlib.ExitStack() as stack:
@@ -129,51 +125,33 @@ def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
         int(np.searchsorted(recording.values()[0], style.poster or 0.0))
     if k < len(recording):
         with Pictures(recording, style._replace(height=POSTER_HEIGHT)) as pictures:
-            for earlier in range(k):
-                pictures.place(earlier)
             frame = pictures.draw(k)
         write(path, lambda temporary: Image.fromarray(frame).save(temporary, format="PNG"))
-
-
-def check_colour(name: str) -> None:
-    """Raise UnknownName unless grains can be coloured by this."""
-    if name not in COLOURS:
-        raise UnknownName("colour", name, COLOURS)
 
 
 class Pictures:
     """Pictures of the frames of a recording. Raises UnknownName, RenderingUnavailable."""
 
     def __init__(self, recording: Recording, style: FilmStyle) -> None:
-        check_colour(style.colour)
         self._recording, header = recording, recording.header
         spec = build_appearance(recording.appearance, header.bodies, recording.path)
         for region in header.regions:
             if region.is_marked:
                 add_mark(spec, RegionConfig(centre=region.position, half=region.half, round=region.round))
-        self._marks = style.colour == "awake"
         if header.grains:
             add_grain_skin(spec, header.grains, header.grain_radius, [*header.colour, 1.0])
-            if self._marks:
-                add_grain_skin(spec, header.grains, header.grain_radius, ASLEEP, MARKED_SKIN)
         self._model = compile_spec(spec)
         self._data = mujoco.MjData(self._model)
-        name = find_camera(self._model, style.camera or CAMERAS.get(header.kind, AUTO), bool(header.hand))
+        name = find_camera(self._model, style.camera or CAMERAS.get(header.kind, AUTO))
         self._camera = make_camera(recording, self._model, self._data, name)
         width, height = 2 * round(style.height * 8 / 9), style.height - style.height % 2  # even as films need it
         self._renderer = SceneRenderer(self._model, header.grains, width, height)
 
-    def place(self, k: int) -> str | mujoco.MjvCamera:
-        """Place the bodies of the k-th frame, later than the one before; return the camera."""
-        scene = self._recording.scene(k)
-        self._data.mocap_pos[:], self._data.mocap_quat[:] = scene.poses[:, :3], scene.poses[:, 3:]
-        mujoco.mj_kinematics(self._model, self._data)
-        return self._camera(self._data, scene.time)
-
     def draw(self, k: int) -> np.ndarray:
         """Draw the k-th frame (height, width, 3)."""
-        camera, grains = self.place(k), self._recording.grains(k)
-        return self._renderer.draw(self._data, grains.positions, camera, ~grains.awake if self._marks else None)
+        scene = self._recording.scene(k)
+        self._data.mocap_pos[:], self._data.mocap_quat[:] = scene.poses[:, :3], scene.poses[:, 3:]
+        return self._renderer.draw(self._data, self._recording.grains(k).positions, self._camera(scene.time))
 
     def __enter__(self) -> "Pictures":
         return self

@@ -1,5 +1,4 @@
 """Recorded motions of sub-tasks, from their files, and in sequence: each translated to the end of the one before.
-
 The files are bundled with the package, or in the user's folder."""
 
 from pathlib import Path

@@ -1,5 +1,4 @@
 """Recorded motions in sequence as a path that the arm can follow.
-
 Each motion begins where the one before ends, levelled and at its own start height. Recorded motions change their speed
 abruptly every 20 ms: they are smoothed by a moving average, shifted away from containers, which learning does not
 include, and time-scaled where the arm needs it."""

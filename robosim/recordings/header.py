@@ -101,7 +101,7 @@ class RecordingHeader(Table):
     tool: Name = ""
     """Body whose path is drawn and at which grains act; empty: none."""
     hand: Name = ""
-    """Body that holds it, for the camera that follows both; empty: none."""
+    """Body that holds it; empty: none."""
     curves: Annotated[list[CurveEntry], Field(max_length=1000)] = []  # noqa: RUF012
     regions: Annotated[list[RegionEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012
     waypoints: Annotated[list[WaypointEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012

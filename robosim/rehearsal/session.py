@@ -19,7 +19,7 @@ from robosim.config.table import validate
 from robosim.conversion.joint_log import JointLog
 from robosim.episode import AUTO
 from robosim.episode.cameras import find_camera
-from robosim.episode.film import FilmStyle, check_colour, try_film
+from robosim.episode.film import FilmStyle, try_film
 from robosim.planning.lip_motion import make_lip_motion
 from robosim.planning.plan import Plan, plan_motion
 from robosim.planning.recorded_motions import place_target
@@ -103,7 +103,7 @@ class Rehearsal:
         """Simulate the planned motion with the grains.
 
         out: folder of the files; None: a temporary one, until `Result.save`. camera: of the film, None for none; film:
-        height, colour, poster of it. seed: of the grains' initial positions. model_errors: seed of errors by which the
+        height, poster of it. seed: of the grains' initial positions. model_errors: seed of errors by which the
         robot differs from its model. driver: a function or object of one's own that commands the joints in the plan's
         place, see `robosim.cell.drivers.OwnDriver`; with a dose a controller of doses. frame_rate: of recording
         and film [1/s]. Raises as `plan`, and mpm.SimulationDiverged, RobotDiverged, DriverFault; status.json then says
@@ -144,7 +144,6 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
     log = None if options.recorded is None else read_log(options.recorded, config)
     if film is not None:
         find_camera(compile_rehearsal(config).model, film.camera or AUTO)
-        check_colour(film.colour)
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)
         folder.write_yaml("config.yaml", config.model_dump(mode="json"))

@@ -12,8 +12,6 @@ Array = NDArray[np.float64]
 
 GRAIN_SKIN = "grains"
 """Name of the skin and its body."""
-MARKED_SKIN = "marked grains"
-"""The same of grains that are marked by a colour of their own."""
 GRAIN_RADIUS = 0.62
 """Mean radius of a drawn grain, in spacings of the grains: neighbours touch, so that a heap looks closed."""
 CORNERS: Array = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
@@ -25,17 +23,16 @@ GRAIN_VERTICES = FACES.size
 """Faces share no vertex, so that each has its own normal."""
 
 
-def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLike, name: str = GRAIN_SKIN) -> None:
+def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLike) -> None:
     """Add a skin of grains with a mean radius [m] and a colour rgba (4,), at the world's origin.
-    A second one, MARKED_SKIN, has the colour of grains that are marked. Raises ValueError unless count and radius are
-    positive."""
+    Raises ValueError unless count and radius are positive."""
     if count < 1 or radius <= 0.0:
         raise ValueError(f"grain skin: count {count} and radius {radius} m must both be positive")
     vertices = count * GRAIN_VERTICES
-    spec.worldbody.add_body(name=name)
-    spec.add_skin(name=name, rgba=np.asarray(rgba, float).tolist(), vert=make_crystals(count, radius).ravel().tolist(),
-                  face=list(range(vertices)), bodyname=[name], bindpos=[0.0, 0.0, 0.0], bindquat=[1.0, 0.0, 0.0, 0.0],
-                  vertid=[list(range(vertices))], vertweight=[[1.0] * vertices])
+    spec.worldbody.add_body(name=GRAIN_SKIN)
+    spec.add_skin(name=GRAIN_SKIN, rgba=np.asarray(rgba, float).tolist(), face=list(range(vertices)),
+                  vert=make_crystals(count, radius).ravel().tolist(), bodyname=[GRAIN_SKIN], bindpos=[0.0, 0.0, 0.0],
+                  bindquat=[1.0, 0.0, 0.0, 0.0], vertid=[list(range(vertices))], vertweight=[[1.0] * vertices])
 
 
 def make_crystals(count: int, radius: float) -> Array:
@@ -88,11 +85,11 @@ def find_surface(positions: NDArray[np.floating], cell: float) -> tuple[NDArray[
 
 def read_facets(model: mujoco.MjModel, grain_count: int) -> Array:
     """Read the facets (grain_count, 24, 3) [m], about the origin, of the model's grains.
-    Raises ValueError for a model without a skin of that many grains, or two."""
+    Raises ValueError for a model without one skin of that many grains."""
     if grain_count == 0:
         return np.empty((0, GRAIN_VERTICES, 3))
-    if model.nskin not in (1, 2) or model.nskinvert != model.nskin * grain_count * GRAIN_VERTICES:
+    if model.nskin != 1 or model.nskinvert != grain_count * GRAIN_VERTICES:
         raise ValueError(f"the model has {model.nskin} skins with {model.nskinvert} vertices; {grain_count} grains "
                          f"need one with {grain_count * GRAIN_VERTICES}: call add_grain_skin(spec, {grain_count}, ...) "
                          f"first")
-    return np.array(model.skin_vert[: grain_count * GRAIN_VERTICES], float).reshape(grain_count, GRAIN_VERTICES, 3)
+    return np.array(model.skin_vert, float).reshape(grain_count, GRAIN_VERTICES, 3)

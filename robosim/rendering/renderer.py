@@ -62,11 +62,10 @@ class SceneRenderer:
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)  # without collision geoms
         self._option.sitegroup[:] = 0
 
-    def draw(self, data: mujoco.MjData, positions: Array | None, camera: str | mujoco.MjvCamera,
-             marked: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
+    def draw(self, data: mujoco.MjData, positions: Array | None, camera: str | mujoco.MjvCamera) -> NDArray[np.uint8]:
         """Draw the picture (height, width, 3) of a camera of the model, or of a free one.
         positions (n, 3) [m]: of the grains. data: only its positions are used. n may be smaller than the skin's count;
-        None draws no grains. marked (n,): grains drawn with the second skin, which the model must have then."""
+        None draws no grains."""
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
@@ -76,7 +75,7 @@ class SceneRenderer:
         scene, (height, width) = self._scene, self._size
         mujoco.mjv_updateScene(self._model, data, self._option, None, eye, mujoco.mjtCatBit.mjCAT_ALL, scene)
         if len(self._facets):
-            self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32), marked)
+            self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32))
         self._gl.make_current()
         view = View.of(scene)
         picture, depth = self._read(view, SMOOTHING * height, SMOOTHING * width)
@@ -106,8 +105,8 @@ class SceneRenderer:
         mujoco.mjr_readPixels(picture, depth, rectangle, self._context)
         return picture[::-1], depth[::-1]
 
-    def _place_grains(self, positions: NDArray[np.floating], marked: NDArray[np.bool_] | None = None) -> None:
-        """Overwrite the skins, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
+    def _place_grains(self, positions: NDArray[np.floating]) -> None:
+        """Overwrite the skin, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
         count = len(positions)
         if count > len(self._facets):
             raise ValueError(f"positions of {count} grains; accepted: at most {len(self._facets)}, as many as the "
@@ -117,17 +116,11 @@ class SceneRenderer:
         # faces that look away from the camera are behind others of their grain
         sight = (View.of(scene).position - positions[visible]).astype(np.float32)
         grain, face = np.nonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
-        is_marked = np.zeros(len(grain), bool) if marked is None else marked[visible[grain]]
-        for skin in range(self._model.nskin):
-            chosen = np.flatnonzero(is_marked == bool(skin))
-            shown, shown_face = visible[grain[chosen]], face[chosen]
-            begin, used = 3 * int(scene.skinvertadr[skin]), 3 * len(chosen)
-            # only the first vertices of a skin are filled, streamed and drawn
-            vertices = self._facets[shown, shown_face] + positions[shown, None]
-            scene.skinvert[begin : begin + 3 * used] = vertices.ravel()
-            normals = self._normals[shown, shown_face] + HEAP * outward[grain[chosen], None]
-            scene.skinnormal[begin : begin + 3 * used] = normals.ravel()
-            scene.skinvertnum[skin], scene.skinfacenum[skin] = used, used // 3
+        shown, used = visible[grain], 3 * len(grain)
+        # only the first vertices of the skin are filled, streamed and drawn
+        scene.skinvert[: 3 * used] = (self._facets[shown, face] + positions[shown, None]).ravel()
+        scene.skinnormal[: 3 * used] = (self._normals[shown, face] + HEAP * outward[grain, None]).ravel()
+        scene.skinvertnum[0], scene.skinfacenum[0] = used, len(grain)
 
     def close(self) -> None:
         """Free the OpenGL context; osmesa prints errors at interpreter exit otherwise."""

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mpm.files import write
+from mpm.files import rename, temporary_path, write
 
 Frame = NDArray[np.uint8]
 """Picture (height, width, 3), RGB."""
 
 KEYFRAME_SECONDS = 2
-FRAGMENTED = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
 SHEET_COLUMNS = 3
 PICTURE_WIDTH = 640
 """Width [pixels] of one picture on the sheet."""
@@ -26,20 +25,19 @@ PICTURE_WIDTH = 640
 class Mp4Writer:
     """Writes frames to an H.264 film in yuv420p, which every player opens.
 
-    Until close() the film is called `path`.part. It is written in fragments, one per key frame, so that the .part of a
-    killed run plays up to its last seconds; close() rewrites it with its index first (faststart), without encoding
-    again. A film that cannot be finished is removed. Raises ValueError for frames of another size or an odd one,
-    OSError for a full disk. keyframes: frames from one key frame to the next; None: KEYFRAME_SECONDS of them."""
+    Until close() the film has a temporary name; one that cannot be finished is removed. Raises ValueError for frames of
+    another size or an odd one, OSError for a full disk. keyframes: frames from one key frame to the next; None:
+    KEYFRAME_SECONDS of them."""
 
     def __init__(self, path: str | Path, fps: float = 30, keyframes: int | None = None) -> None:
         if not fps > 0:
             raise ValueError(f"film {path}: fps is {fps:g}; accepted: above 0")
         self.path, self._keyframes = Path(path), keyframes or max(1, round(KEYFRAME_SECONDS * fps))
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._part = self.path.with_name(self.path.name + ".part")
+        self._part = temporary_path(self.path)
         self._fps, self._is_closed = fps, False
         self._stream: av.VideoStream | None = None
-        self._file = av.open(str(self._part), "w", format="mp4", options=FRAGMENTED)
+        self._file = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
 
     def add(self, frame: Frame) -> None:
         """Append one frame (height, width, 3); all have the size of the first, with even sides."""
@@ -65,7 +63,7 @@ class Mp4Writer:
                 self._file.mux(self._stream.encode())
             self._file.close()
             if self._stream is not None:
-                write(self.path, lambda path: copy_with_index_first(self._part, path))
+                rename(self._part, self.path)
         finally:
             self.discard()
 
@@ -82,16 +80,6 @@ class Mp4Writer:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Finish the film; after an error remove it, because it is incomplete."""
         (self.close if kind is None else self.discard)()
-
-
-def copy_with_index_first(source: Path, target: Path) -> None:
-    """Copy a fragmented film into one whose index comes first, without encoding again."""
-    with av.open(str(source)) as old, av.open(str(target), "w", format="mp4", options={"movflags": "faststart"}) as new:
-        stream = new.add_stream_from_template(old.streams.video[0])
-        for packet in old.demux(video=0):
-            if packet.dts is not None:  # the last packet is empty and only ends the stream
-                packet.stream = stream
-                new.mux(packet)
 
 
 def read_frames(path: Path, count: int) -> list[Frame]:

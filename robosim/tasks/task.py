@@ -37,7 +37,6 @@ FAR = 10.0
 
 class ScriptedPath:
     """Tool poses over time, eased between waypoints, with R = Rz(yaw) Ry(pitch).
-
     times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world. angles_deg (n, 2): yaw
     and pitch."""
 
@@ -139,7 +138,6 @@ class TaskConfig(SceneConfig):
 
     def scripted_path(self, start: np.ndarray | None = None, place: mpm.Pose | None = None) -> ScriptedPath:
         """Return the scripted policy's path from a position [m] (3,); None: from the task's own start.
-
         place: displacement of the target, which the waypoints follow. Around a container all of them do, and turn with
         it; else each follows by its share of the way from the start to the last, and keeps its heading, as the grains
         begin where the task has them."""

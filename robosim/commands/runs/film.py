@@ -4,11 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.episode import COLOURS
-
 EXAMPLE = """examples:
   robosim film out/sugar --camera wrist --out out/wrist
-  robosim film out/sugar --camera follow --height 1080 --poster 8.5
+  robosim film out/sugar --camera orbit --height 1080 --poster 8.5
   robosim film out/chain/2-SpoonTranslate.rec"""
 
 
@@ -16,12 +14,10 @@ def add_parser(commands: Any) -> None:
     """Add `film` to the command line."""
     parser = commands.add_parser("film", help="draw the video of a run again", epilog=EXAMPLE,
                                  description="Draw a video from the recording of `rehearse`, `evaluate` or `chain`, "
-                                 "also of a run that was interrupted, with another camera, size or colour.")
+                                 "also of a run that was interrupted, with another camera or size.")
     parser.add_argument("what", type=Path, metavar="RUN", help="folder of a run, or a recording (.rec)")
-    parser.add_argument("--camera", help="camera: auto, orbit, close, overview or wrist, and of a rehearsal follow, of "
-                        "a sub-task task or side (default: auto, of a sub-task task)")
-    parser.add_argument("--colour", default="material", choices=COLOURS,
-                        help="what the colour of the grains shows: the material, or which grains are awake")
+    parser.add_argument("--camera", help="camera: auto, orbit, close, overview or wrist, of a sub-task task "
+                        "or side (default: auto, of a sub-task task)")
     parser.add_number("--height", default=720, help="height of the pictures [pixels], 16 : 9")
     parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
                       "(default: when the tool empties, or is full)")
@@ -38,6 +34,5 @@ def run(options: argparse.Namespace) -> int:
 
     own = find_recordings(options.what)[0].parent
     with OutputFolder(options.out or own, is_shared=options.out is None) as folder:
-        style = FilmStyle(options.camera, options.colour, options.height, options.poster)
-        print(film_run(options.what, folder.path, style))
+        print(film_run(options.what, folder.path, FilmStyle(options.camera, options.height, options.poster)))
     return 0

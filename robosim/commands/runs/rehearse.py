@@ -7,7 +7,7 @@ from typing import Any
 from robosim.base.errors import UnknownName
 from robosim.base.resources import config_names
 from robosim.commands.arguments import one_of, refuse
-from robosim.episode import AUTO, COLOURS, FRAMING
+from robosim.episode import AUTO, FRAMING
 from robosim.rehearsal import CAMERAS
 
 EXAMPLE = """examples:
@@ -37,8 +37,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--grasp", choices=["weld", "friction"], help="tool welded to the hand, or held by the fingers "
                         "alone (default: what the file says)")
     parser.add_argument("--camera", default=AUTO, help=f"camera of the video: {one_of((*FRAMING, *CAMERAS), '')}")
-    parser.add_argument("--colour", default="material", choices=COLOURS,
-                        help="what the colour of the video's grains shows: the material, or which grains are awake")
     parser.add_number("--frame-rate", default=20, help="frames of recording and video per second")
     parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9")
     parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
@@ -72,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         from robosim.episode.film import FilmStyle
         from robosim.rehearsal.session import RunOptions, rehearse
 
-        film = FilmStyle(options.camera, options.colour, options.height, options.poster)
+        film = FilmStyle(options.camera, options.height, options.poster)
         given = RunOptions(None if options.no_video else film, options.frame_rate, options.seed, options.recorded,
                            options.model_errors)
         return rehearse(rehearsal, options.out, given, force_export=options.force_export, material=options.material,
@@ -82,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
 def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:
     """Run the rehearsal with the exact model and with errors of it."""
     refuse(options, "with --perturb; accepted: without", recorded=None, model_errors=None, poster=None, camera=AUTO,
-           colour="material", frame_rate=20, height=720, field_threads=1)
+           frame_rate=20, height=720, field_threads=1)
     from robosim.studies.robustness.perturbed_runs import perturb
 
     chosen = {name: getattr(options, name) for name in ("material", "grasp", "trajectory", "seed")}

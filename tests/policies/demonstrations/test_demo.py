@@ -169,7 +169,7 @@ def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
     arrays = dict(np.load(whole / name))
     assert arrays["actions"].shape == (100, 3) and len(arrays["losses"]) == 3 and np.isfinite(arrays["check"]).all()
     assert arrays["losses"][2] < arrays["losses"][0]
-    assert names(whole) == {name, "demonstrations.json", "learning_curve.png", "status.json"}
+    assert names(whole) == {name, "demonstrations.json", "status.json"}
     row = json.loads((whole / "demonstrations.json").read_text())["demonstrations"][0]
     assert evaluate("SpoonTranslate", str(whole / name), tmp_path / "again", episodes=1, film=False) == 0
     again = json.loads((tmp_path / "again" / "evaluation.json").read_text())

@@ -119,31 +119,6 @@ def test_rows_of_earlier_tables(tmp_path: Path) -> None:
         tables([tmp_path / "other.json"], tmp_path / "third")
 
 
-def test_further_tables(tmp_path: Path) -> None:
-    """Gain of down-sampling, turn of the tools, other materials, with the paper's numbers."""
-    for name, obs, seconds in (("a", "all", 90.0), ("b", "flat", 30.0)):
-        write_run(tmp_path / name, 0, 10.0, method="dg_sac_literal", task="SpoonScoop", obs=obs)
-        path = tmp_path / name / "status.json"
-        status = json.loads(path.read_text())
-        status["replayed"]["turn_error_deg"] = 2.2
-        path.write_text(json.dumps(status | {"seconds": seconds}))
-    write_run(tmp_path / "c", 0, 10.0, method="dg_sac_literal", material="sugar")  # another setting, not compared
-    for policy, score in (("recorded", 52.0), ("scripted", 42.0)):  # one column each
-        (tmp_path / policy).mkdir()
-        (tmp_path / policy / "materials.json").write_text(json.dumps({"policy": policy, "rows": [
-            {"task": "SpoonPour", "material": "sugar", "score": score, "td_mm": 3.0, "delivered": 1.0},
-            {"task": "SpoonPour", "material": "flour", "score": 12.0, "td_mm": None, "delivered": 0.2}]}))
-    make_cells(tmp_path)
-    stored = json.loads((tmp_path / "tables" / "tables.json").read_text())
-    assert stored["gain_of_down_sampling"] == {"SpoonScoop": pytest.approx(3.0)}
-    assert {(row["method"], row["task"], row["off_deg"]) for row in stored["turns"]} == {
-        ("all", "SpoonScoop", 2.2), ("dg_sac_literal, salt", "SpoonScoop", 2.2)}
-    page = (tmp_path / "tables" / "index.html").read_text()
-    for text in ("3.00</td><td>4.67", "2.0%</td><td>-110</td><td>3.0 (2.8%)", "52.0 (3.0)", "42.0 (3.0)",
-                  "12.0 (-)", "SpoonPour, scripted"):
-        assert text in page, text
-
-
 def test_summaries_follow_their_definitions() -> None:
     """Mean, deviation of a sample, interquartile mean; one run has neither spread nor interval."""
     several = summarise([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0])

@@ -9,7 +9,7 @@ from gymnasium.utils.env_checker import check_env
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.envs import BUNDLED
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
-from robosim.rendering.renderer import SceneRenderer
+from robosim.rendering.renderer import SMOOTHING, SceneRenderer
 from robosim.robot.mjspec import compile_spec
 from robosim.scene.grains import grain_volume
 from robosim.senses.task_scene import SeenBodies, build_task_spec
@@ -135,8 +135,11 @@ def test_depth_is_that_of_the_renderer(task: str, arm: bool, camera: str):
     bodies, renderer = SeenBodies(model, env.task), SceneRenderer(model, count, 84, 84)
     bodies.place(env.carrier.setting.place, env.solver.collider_pose(TOOL),
                  None if not arm else env.carrier.robot_data.qpos)
-    renderer._renderer.enable_depth_rendering()
-    drawn = renderer.draw(bodies.data, env.solver.positions(), camera)
+    read, seen_by = renderer._read, []
+    renderer._read = lambda view, height, width: seen_by.append((view, read(view, height, width))) or seen_by[-1][1]
+    renderer.draw(bodies.data, env.solver.positions(), camera)
+    view, (_, buffer) = seen_by[0]  # then come the light's
+    drawn = view.distance(buffer.reshape(84, SMOOTHING, 84, SMOOTHING)).mean((1, 3))
     drawn = np.where(drawn <= 4.0, drawn, 0.0)
     assert np.mean(np.abs(drawn - seen) < 1e-3) > 0.95
     renderer.close()
