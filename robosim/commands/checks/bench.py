@@ -19,8 +19,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("parts", nargs="*", metavar="PART",
                         help="field alone, or any of coupling, kinematics, rendering, side_by_side (several "
                         "environments at the same time), a sub-task such as SpoonPour, arm_SpoonPour with the whole "
-                        "arm, resets_alone_SpoonPour, resets_arm_... or resets_vector_... (default: all but field and "
-                        "resets)")
+                        "arm, resets_alone_SpoonPour, resets_arm_... or resets_vector_..., learner (default: all but "
+                        "field, resets and learner)")
     parser.add_number("--sizes", nargs="+", default=list(FIELD_SIZES), metavar="N",
                         help="field: number of grains (default: %(default)s)")
     parser.add_argument("--scenes", nargs="+", default=list(FIELD_SCENES), metavar="SCENE",

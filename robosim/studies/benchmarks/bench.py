@@ -8,6 +8,7 @@ import time
 import timeit
 from collections.abc import Callable
 from functools import partial
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +144,8 @@ PARTS: dict[str, Callable[[], dict[str, float]]] = {
     **{f"{RESETS}{kind}_{name}": partial(measure_resets, name, kind) for kind in KINDS for name in RESET_TASKS},
 }
 DEFAULT_PARTS = [name for name in PARTS if not name.startswith(RESETS)]
-"""What is measured where no part is named; the twelve parts of resets are asked for by name."""
+"""What is measured where no part is named; the twelve parts of resets are asked for by name, as are other packages'."""
+PARTS |= {entry.name: lambda entry=entry: entry.load()() for entry in entry_points(group="robosim.benchmarks")}
 
 
 def bench(parts: list[str], out: Path | None) -> int:
