@@ -19,13 +19,12 @@ critics with 256 units and batches of 256 take 20 ms in place of 31, forward and
 class EnsembleLayer(nn.Module):
     """A layer of n networks: y = x W + b, its input their own or shared by all; initialised as `nn.Linear`.
 
-    fan_in: inputs that the initialisation counts, where the layer is a part of a wider one."""
+    fan_in: inputs that the initialisation counts, where the layer is a part of a wider one; W: (inputs, n, outputs)."""
 
     def __init__(self, n: int, inputs: int, outputs: int, fan_in: int | None = None, bias: bool = True) -> None:
         super().__init__()
         bound = (fan_in or inputs) ** -0.5
         self.weight = nn.Parameter(torch.empty(inputs, n, outputs).uniform_(-bound, bound))
-        """(inputs, n, outputs), so that a shared input is one product."""
         self.bias = nn.Parameter(torch.empty(n, 1, outputs).uniform_(-bound, bound)) if bias else None
 
     def forward(self, x: torch.Tensor, members: torch.Tensor | None = None,
