@@ -19,25 +19,21 @@ critics with 256 units and batches of 256 take 20 ms in place of 31, forward and
 class EnsembleLayer(nn.Module):
     """A layer of n networks: y = x W + b, its input their own or shared by all; initialised as `nn.Linear`.
 
-    fan_in: inputs that the initialisation counts, where the layer is a part of a wider one."""
+    fan_in: inputs that the initialisation counts, where the layer is a part of a wider one; W: (inputs, n, outputs)."""
 
     def __init__(self, n: int, inputs: int, outputs: int, fan_in: int | None = None, bias: bool = True) -> None:
         super().__init__()
         bound = (fan_in or inputs) ** -0.5
         self.weight = nn.Parameter(torch.empty(inputs, n, outputs).uniform_(-bound, bound))
-        """(inputs, n, outputs), so that a shared input is one product."""
         self.bias = nn.Parameter(torch.empty(n, 1, outputs).uniform_(-bound, bound)) if bias else None
 
-    def forward(self, x: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
-        """Map (batch, inputs), or (n, batch, inputs), to (n, batch, outputs), of the given members (None: all)."""
-        W = self.weight if members is None else self.weight[:, members]
-        if x.dim() == 2:
-            y = (x @ W.flatten(1)).unflatten(1, W.shape[1:]).transpose(0, 1)
-        else:
-            y = torch.bmm(x, W.transpose(0, 1))
-        if self.bias is None:
-            return y
-        return y + (self.bias if members is None else self.bias[members])
+    def forward(self, x: torch.Tensor, members: torch.Tensor | None = None,
+                addend: torch.Tensor | None = None) -> torch.Tensor:
+        """Map (batch, inputs), or (n, batch, inputs), to (n, batch, outputs), of the given members (None: all).
+        addend: what a layer without a bias adds in its place."""
+        W = (self.weight if members is None else self.weight[:, members]).transpose(0, 1)
+        b: Any = addend if self.bias is None else self.bias if members is None else self.bias[members]
+        return torch.baddbmm(b, x.expand(len(W), -1, -1), W)
 
 
 class EnsembleNorm(nn.Module):
@@ -50,7 +46,7 @@ class EnsembleNorm(nn.Module):
     def forward(self, x: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
         """Map (n, batch, width) to the same shape."""
         scale, shift = (part if members is None else part[members] for part in (self.scale, self.shift))
-        return functional.layer_norm(x, x.shape[-1:]) * scale + shift
+        return torch.addcmul(shift, functional.layer_norm(x, x.shape[-1:]), scale)
 
 
 class CriticEnsemble(BaseModel):
@@ -71,8 +67,7 @@ class CriticEnsemble(BaseModel):
         first = net_arch[0] if net_arch else 1
         self.of_features = EnsembleLayer(self.count, features_dim, first, features_dim + width)
         self.of_action = EnsembleLayer(self.count, width, first, features_dim + width, bias=False)
-        sizes = [*net_arch, 1]
-        self.layers = nn.ModuleList(EnsembleLayer(self.count, a, b) for a, b in pairwise(sizes))
+        self.layers = nn.ModuleList(EnsembleLayer(self.count, a, b) for a, b in pairwise([*net_arch, 1]))
         self.norms = nn.ModuleList(EnsembleNorm(self.count, size) for size in net_arch) if layer_norm else None
 
     def forward(self, observations: Any, actions: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
@@ -91,33 +86,27 @@ class CriticEnsemble(BaseModel):
                 and self.count * len(actions) * self.of_features.weight.shape[2] >= LARGE:
             return self._evaluate_by_member(features, actions)
         x = actions
-        if self.embed is not None:
-            assert self.embed_norm is not None
-            x = functional.relu(self.embed_norm(self.embed(actions, members), members))
-        x = self.of_features(features, members) + self.of_action(x, members)
+        if self.embed is not None and self.embed_norm is not None:
+            x = self.embed_norm(self.embed(actions, members), members).relu_()
+        x = self.of_action(x, members, self.of_features(features, members))
         for k, layer in enumerate(self.layers):
             if self.norms is not None:
                 x = self.norms[k](x, members)
-            x = layer(functional.relu(x), members)
+            x = layer(x.relu_(), members)
         return x.squeeze(2)
 
     def _evaluate_by_member(self, features: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
         """Return what `evaluate` does, one critic after the other: what each computes then stays in the cache."""
-        of_features, of_action = self.of_features, self.of_action
-        assert of_features.bias is not None and self.norms is not None
-        firsts = [of_features.weight.unbind(1), of_features.bias.unbind(0), of_action.weight.unbind(1)]
-        rest: list[list[tuple[torch.Tensor, ...]]] = []
+        assert self.of_features.bias is not None and self.norms is not None
+        firsts = self.of_features.bias.unbind(0), self.of_features.weight.unbind(1), self.of_action.weight.unbind(1)
         pairs: Any = zip(self.norms, self.layers, strict=True)
-        for norm, layer in pairs:
-            rest.append([norm.scale.unbind(0), norm.shift.unbind(0), layer.weight.unbind(1), layer.bias.unbind(0)])
+        rest = [tuple(zip(norm.scale.unbind(0), norm.shift.unbind(0), layer.bias.unbind(0), layer.weight.unbind(1)))
+                for norm, layer in pairs]
         values = []
-        for m in range(self.count):
-            W, b, of_a = (part[m] for part in firsts)
-            x = torch.addmm(b, features, W) + actions @ of_a
-            for parts in rest:
-                scale, shift, W, b = (part[m] for part in parts)
-                x = functional.layer_norm(x, x.shape[-1:], scale[0], shift[0])
-                x = torch.addmm(b, functional.relu(x), W)
+        for m, (b, W, of_a) in enumerate(zip(*firsts)):
+            x = torch.addmm(b, features, W).addmm_(actions, of_a)
+            for scale, shift, b, W in (parts[m] for parts in rest):
+                x = torch.addmm(b, functional.layer_norm(x, x.shape[-1:], scale[0], shift[0]).relu_(), W)
             values.append(x[:, 0])
         return torch.stack(values)
 

@@ -18,8 +18,8 @@ def add_parser(commands: Any) -> None:
                                  "process. Exit status 0 only if every part could be measured.")
     parser.add_argument("parts", nargs="*", metavar="PART",
                         help="field alone, or any of coupling, kinematics, rendering, side_by_side (several "
-                        "environments at the same time), a sub-task such as SpoonPour, or arm_SpoonPour with the whole "
-                        "arm (default: all but field)")
+                        "environments at the same time), a sub-task such as SpoonPour, arm_SpoonPour with the whole "
+                        "arm, or learner (default: all but field and learner)")
     parser.add_number("--sizes", nargs="+", default=list(FIELD_SIZES), metavar="N",
                         help="field: number of grains (default: %(default)s)")
     parser.add_argument("--scenes", nargs="+", default=list(FIELD_SCENES), metavar="SCENE",

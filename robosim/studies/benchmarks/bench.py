@@ -7,6 +7,7 @@ import sys
 import timeit
 from collections.abc import Callable
 from functools import partial
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,9 @@ PARTS: dict[str, Callable[[], dict[str, float]]] = {
     **{name: partial(measure_environment, name) for name in TASKS}, "side_by_side": measure_side_by_side,
     **{f"arm_{name}": partial(measure_environment, name, arm=True) for name in TASKS},
 }
+DEFAULT_PARTS = list(PARTS)
+"""What is measured where no part is named; other packages' parts are asked for by name."""
+PARTS |= {entry.name: lambda entry=entry: entry.load()() for entry in entry_points(group="robosim.benchmarks")}
 
 
 def bench(parts: list[str], out: Path | None) -> int:
@@ -102,7 +106,7 @@ def bench(parts: list[str], out: Path | None) -> int:
             also = "field by itself" if part != "field" else "field is measured by itself, without other parts"
             raise UnknownName("part", part, PARTS, also)
     folder = OutputFolder(out) if out else None
-    names, figures, failures = parts or list(PARTS), {}, {}
+    names, figures, failures = parts or DEFAULT_PARTS, {}, {}
     result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
     work = [Job("robosim.studies.benchmarks.bench:measure_part", {"name": name}) for name in names]
     for index, (_, measured, reason) in Study(None).run(work):  # times are those of today

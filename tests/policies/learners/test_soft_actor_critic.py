@@ -63,6 +63,26 @@ def test_critics_one_after_the_other_are_the_ensemble(monkeypatch):
         torch.testing.assert_close(apart, together, rtol=1e-4, atol=1e-6)
 
 
+def test_the_ensemble_is_its_formula():
+    """Values of each critic, and derivatives of every parameter and of the action, written out for one critic."""
+    critic, functional = make_model(n_critics=3, layer_norm=True).critic, torch.nn.functional
+    seen, acted = torch.randn(BATCH, OBSERVED), torch.rand(BATCH, ACTED, requires_grad=True)
+    inputs = [acted, *critic.parameters()]
+    for parameter in critic.parameters():
+        torch.nn.init.normal_(parameter)
+    expected = []
+    for m in range(3):
+        x = seen @ critic.of_features.weight[:, m] + acted @ critic.of_action.weight[:, m] + critic.of_features.bias[m]
+        for norm, layer in zip(critic.norms, critic.layers):
+            x = (x - x.mean(1, True)) / (x.var(1, unbiased=False, keepdim=True) + 1e-5).sqrt()
+            x = functional.relu(x * norm.scale[m] + norm.shift[m]) @ layer.weight[:, m] + layer.bias[m]
+        expected.append(x[:, 0])
+    found, weight = critic(seen, acted), torch.randn(3, BATCH)
+    for one, two in zip([found, *torch.autograd.grad((found * weight).sum(), inputs)], [
+            torch.stack(expected), *torch.autograd.grad((torch.stack(expected) * weight).sum(), inputs)]):
+        torch.testing.assert_close(one, two, rtol=1e-3, atol=1e-4)
+
+
 def test_updates_are_those_of_the_library():
     """With two critics, from the same weights, batches and random numbers: actor, critics, targets and temperature."""
     theirs, ours = make_model(SAC, "MlpPolicy"), make_model()
