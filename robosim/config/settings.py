@@ -57,7 +57,7 @@ def parse_yaml(text: str) -> Any:
     try:
         return yaml.load(text, Loader)
     except yaml.YAMLError as error:
-        raise InvalidValue(f"{error}") from None
+        raise InvalidValue(" ".join(str(error).split())) from None
 
 
 def with_settings(table: dict[str, Any], settings: Iterable[Setting]) -> dict[str, Any]:

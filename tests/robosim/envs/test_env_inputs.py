@@ -117,7 +117,7 @@ def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: P
     np.savez(path, actions=np.zeros((4, 6)))
     with pytest.raises(robosim.ConfigError, match=r"\(4, 6\); accepted: \(n, 3\)"):
         make_policy(str(path), env, 0)
-    with pytest.raises(robosim.UnknownName, match="pi, random, scripted, shaker, zero"):
+    with pytest.raises(robosim.UnknownName, match="pi, random, recorded, scripted, shaker, zero"):
         make_policy("clever", env, 0)
 
 

@@ -118,8 +118,8 @@ def test_the_spoon_held_by_friction_delivers_as_the_fixed_one(tmp_path: Path) ->
 def test_a_film_that_fails_costs_no_report(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The report is there, and the exit status and the message say that the film is not."""
     out = tmp_path / "out"
-    (out / "rehearsal.mp4.part").mkdir(parents=True)
-    (out / "rehearsal.mp4.part" / "kept").touch()
+    (out / "rehearsal.mp4").mkdir(parents=True)
+    (out / "rehearsal.mp4" / "kept").touch()
     (out / ".lock").touch()  # of an earlier run
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("robosim.base.output_folder.OutputFolder.clear", lambda *_: None)
