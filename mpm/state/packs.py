@@ -84,6 +84,27 @@ def is_active(fields: ti.template(), q, l):
     return active
 
 
+@ti.func
+def lowest_bit(bits):
+    """Return the number of the lowest bit that is set among those of a pack's lanes."""
+    lane = 0
+    for l in ti.static(range(LANES - 1, 0, -1)):
+        if bits & (1 << l):
+            lane = l
+    if bits & 1:
+        lane = 0
+    return lane
+
+
+@ti.func
+def active_lanes(fields: ti.template(), q):
+    """Return the lanes of pack q that are updated, a bit each."""
+    bits = 2**LANES - 1
+    if ti.static(fields.features.sleep):
+        bits -= fields.sleepers.lanes_asleep[q]
+    return bits
+
+
 @ti.data_oriented
 class Packs:
     """Pack fields of one length and type, copied all in one kernel: one a field would take 0.1 s each to compile.
