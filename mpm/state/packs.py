@@ -76,12 +76,18 @@ def pack_at(fields: ti.template(), place):
 
 
 @ti.func
-def is_active(fields: ti.template(), q, l):
-    """Return 1 where lane l of pack q is updated, a constant where all are."""
-    active = 1
+def active_lanes(fields: ti.template(), q):
+    """Return the lanes of pack q that are updated, a bit each."""
+    bits = 2**LANES - 1
     if ti.static(fields.features.sleep):
-        active = 1 - ((fields.sleepers.lanes_asleep[q] >> l) & 1)
-    return active
+        bits -= fields.sleepers.lanes_asleep[q]
+    return bits
+
+
+@ti.func
+def is_active(fields: ti.template(), q, l):
+    """Return 1 where lane l of pack q is updated, else 0."""
+    return (active_lanes(fields, q) >> l) & 1
 
 
 @ti.func
@@ -94,15 +100,6 @@ def lowest_bit(bits):
     if bits & 1:
         lane = 0
     return lane
-
-
-@ti.func
-def active_lanes(fields: ti.template(), q):
-    """Return the lanes of pack q that are updated, a bit each."""
-    bits = 2**LANES - 1
-    if ti.static(fields.features.sleep):
-        bits -= fields.sleepers.lanes_asleep[q]
-    return bits
 
 
 @ti.data_oriented
