@@ -9,7 +9,7 @@ from mpm.boundaries.mobile_contact import reduce_by_compliance
 from mpm.state.active_blocks import mark_place
 from mpm.state.contact_fields import rank_of, sort_by_part, take_place
 from mpm.state.ledger import credit
-from mpm.state.packs import LANES, is_active, pack_at, packs_of_body
+from mpm.state.packs import LANES, is_active, lowest_bit, pack_at, packs_of_body
 from mpm.state.particle_motion import drift_after, move_lane
 
 SOLID_RECOVERY = 0.01
@@ -77,18 +77,6 @@ def stop_penetrating(fields: ti.template(), step: ti.template(), first, last):
                                   collider_origin(step.motion, k, step.row), particle[2], particle[3], dt,
                                   fields.parameters.densities[particle[1]])
         fields.penetrating.count[None] = 0
-
-
-@ti.func
-def lowest_bit(bits):
-    """Return the number of the lowest bit that is set among those of a pack's lanes."""
-    lane = 0
-    for l in ti.static(range(LANES - 1, 0, -1)):
-        if bits & (1 << l):
-            lane = l
-    if bits & 1:
-        lane = 0
-    return lane
 
 
 @ti.func

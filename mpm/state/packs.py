@@ -76,12 +76,30 @@ def pack_at(fields: ti.template(), place):
 
 
 @ti.func
-def is_active(fields: ti.template(), q, l):
-    """Return 1 where lane l of pack q is updated, a constant where all are."""
-    active = 1
+def active_lanes(fields: ti.template(), q):
+    """Return the lanes of pack q that are updated, a bit each."""
+    bits = 2**LANES - 1
     if ti.static(fields.features.sleep):
-        active = 1 - ((fields.sleepers.lanes_asleep[q] >> l) & 1)
-    return active
+        bits -= fields.sleepers.lanes_asleep[q]
+    return bits
+
+
+@ti.func
+def is_active(fields: ti.template(), q, l):
+    """Return 1 where lane l of pack q is updated, else 0."""
+    return (active_lanes(fields, q) >> l) & 1
+
+
+@ti.func
+def lowest_bit(bits):
+    """Return the number of the lowest bit that is set among those of a pack's lanes."""
+    lane = 0
+    for l in ti.static(range(LANES - 1, 0, -1)):
+        if bits & (1 << l):
+            lane = l
+    if bits & 1:
+        lane = 0
+    return lane
 
 
 @ti.data_oriented

@@ -43,15 +43,15 @@ class Sleepers:
         self.search = ti.field(ti.i32, ())
         """Number of the last search for blocks in reach of colliders; a check at the end of a launch makes none."""
         self.home = ti.Vector.field(LANES, ti.i32, n_packs)
-        """Place in `disturbed_at` of the block that each lane's stencil begins in, where the lane sleeps."""
-        self.disturbed_at = ti.field(ti.i32, int(np.prod(blocks)))
-        """Number of the last sleep check before which stencils that begin in a block may have been disturbed."""
+        """Place in `disturbed_at` of the node that each lane's stencil begins with, where the lane sleeps."""
+        self.disturbed_at = ti.field(ti.i32, int(np.prod(nodes)))
+        """Number of the last sleep check before which stencils that begin with a node may have been disturbed."""
         self.path = ti.Vector.field(3, real_type(precision), nodes)
         """Displacement [m] of each node since the last sleep check."""
         self.window = ti.field(ti.i32, nodes)  # sleep check since which `path` counts
         self.check = ti.field(ti.i32, ())  # number of the last sleep check
         self.is_disturbed = ti.field(ti.i32, ())
-        """1 where some block is near a collider or has moved since the last sleep check."""
+        """1 where a block is near a collider or a node has moved since the last sleep check."""
         self.version = ti.field(ti.i32, n_packs)
         """Changes whenever a pack may have become another since it slept: it woke, or its state was written."""
         self.are_sums_stale = ti.field(ti.i32, ())
@@ -67,10 +67,10 @@ class Sleepers:
 
 
 @ti.func
-def place_of_block(fields: ti.template(), block):
-    """Return the place of a block (3,) in a field of all blocks of the first layer."""
-    shape = ti.static(fields.sleepers.stencil_count.shape)
-    return (block[0] * shape[1] + block[1]) * shape[2] + block[2]
+def place_of_node(fields: ti.template(), node):
+    """Return the place of a node (3,) in a field of all nodes of the first layer."""
+    shape = ti.static(fields.sleepers.path.shape)
+    return (node[0] * shape[1] + node[1]) * shape[2] + node[2]
 
 
 @ti.func
@@ -114,8 +114,7 @@ def adopt_rest(fields: ti.template(), P: ti.template()):
         base = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)[0]
         bits = 0
         for l in ti.static(range(LANES)):
-            home = ti.Vector([base[d][l] for d in range(3)]) // BLOCK
-            fields.sleepers.home[q][l] = place_of_block(fields, home)
+            fields.sleepers.home[q][l] = place_of_node(fields, ti.Vector([base[d][l] for d in range(3)]))
             if P.volume[q][l] == 0.0:
                 bits |= 1 << l
             elif P.rest[q][l] >= calm_time:

@@ -8,9 +8,9 @@ from mpm.motion.mobile_motion import TWIST
 from mpm.scene.grid import BLOCK, GHOST
 from mpm.state.active_blocks import activate_and_list, mark_place
 from mpm.state.ledger import add, position
-from mpm.state.nodes import first_nodes
+from mpm.state.nodes import first_nodes, node_of
 from mpm.state.packs import LANES
-from mpm.state.sleepers import AHEAD, ALL_LANES, CALM_TIME, CREEP, STRAIN, WAKE_DISPLACEMENT, place_of_block
+from mpm.state.sleepers import AHEAD, ALL_LANES, CALM_TIME, CREEP, STRAIN, WAKE_DISPLACEMENT, place_of_node
 from mpm.state.stencil import weights
 from mpm.stepping.sleep_contributions import apply_changes
 
@@ -85,7 +85,9 @@ def note_blocks(fields: ti.template(), k: ti.template(), index: ti.template(), m
                             and fields.colliders[index].sdf.least_distance(R.transpose() @ r) < reach:
                         fields.sleepers.near[block] = fields.sleepers.search[None]
                         if has_sleepers:
-                            fields.sleepers.disturbed_at[place_of_block(fields, block)] = fields.sleepers.check[None]
+                            for n in range(BLOCK**3):
+                                place = place_of_node(fields, node_of(block, n))
+                                fields.sleepers.disturbed_at[place] = fields.sleepers.check[None]
                             fields.sleepers.is_disturbed[None] = 1
 
 
@@ -187,7 +189,11 @@ def wake_disturbed(fields: ti.template(), P: ti.template(), stamp: ti.i32):
     check, woken = fields.sleepers.check[None], 0
     limit = ti.cast(fields.sleepers.limits[WAKE_DISPLACEMENT], fields.real)
     for q in range(P.pack_count[None]):
-        disturbed = disturbed_lanes(fields, q, check)
+        asleep, disturbed = fields.sleepers.lanes_asleep[q], 0
+        if asleep != 0:
+            for l in ti.static(range(LANES)):
+                if fields.sleepers.disturbed_at[fields.sleepers.home[q][l]] == check:
+                    disturbed |= asleep & (1 << l)
         if disturbed != 0:
             base, f = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)
             bits = 0
@@ -207,18 +213,6 @@ def wake_disturbed(fields: ti.template(), P: ti.template(), stamp: ti.i32):
                 wake_lanes(fields, P, q, bits, stamp)
                 woken += 1
     return woken
-
-
-@ti.func
-def disturbed_lanes(fields: ti.template(), q, check):
-    """Return the sleeping lanes of pack q, a bit each, in whose block something was disturbed before this check."""
-    bits = 0
-    asleep = fields.sleepers.lanes_asleep[q]
-    if asleep != 0:
-        for l in ti.static(range(LANES)):
-            if fields.sleepers.disturbed_at[fields.sleepers.home[q][l]] == check:
-                bits |= 1 << l
-    return bits & asleep
 
 
 @ti.func

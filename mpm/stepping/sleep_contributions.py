@@ -9,7 +9,7 @@ from mpm.scene.grid import BLOCK, GHOST
 from mpm.state.ledger import add, position
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
-from mpm.state.sleepers import FORCE, MASS, SUPPORT, WAKE_DISPLACEMENT, list_awake_packs, place_of_block
+from mpm.state.sleepers import FORCE, MASS, SUPPORT, WAKE_DISPLACEMENT, list_awake_packs, place_of_node
 from mpm.state.stencil import weights
 
 NOTICED = 0.05
@@ -67,7 +67,7 @@ def change_pack(fields: ti.template(), P: ti.template(), q, changed, density, ta
             offset = ti.Vector([ti.cast(f[d][l], ti.f64) for d in range(3)])
             rows = ti.Matrix([[ti.cast(Q[3 * r + c][l], ti.f64) for c in range(3)] for r in range(3)])
             add_contribution(fields, node, offset, rows, ti.cast(density * P.volume[q][l], ti.f64), sign)
-            fields.sleepers.home[q][l] = place_of_block(fields, node // BLOCK)
+            fields.sleepers.home[q][l] = place_of_node(fields, node)
     fields.sleepers.lanes_summed[q] = fields.sleepers.lanes_asleep[q]
 
 
@@ -98,12 +98,13 @@ def add_contribution(fields: ti.template(), node, f, Q, mass, sign):
 
 
 @ti.func
-def mark_disturbed(fields: ti.template(), block, check):
-    """Mark the blocks from which stencils reach a block whose nodes have moved as disturbed."""
-    for i in range(ti.max(block[0] - 1, 0), block[0] + 1):
-        for j in range(ti.max(block[1] - 1, 0), block[1] + 1):
-            for k in range(ti.max(block[2] - 1, 0), block[2] + 1):
-                fields.sleepers.disturbed_at[place_of_block(fields, ti.Vector([i, j, k]))] = check
+def mark_disturbed(fields: ti.template(), I, check):
+    """Mark the nodes with which stencils begin that reach node I as disturbed."""
+    low = ti.max(I - 2, 0)
+    for i in range(low[0], I[0] + 1):
+        for j in range(low[1], I[1] + 1):
+            for k in range(low[2], I[2] + 1):
+                fields.sleepers.disturbed_at[place_of_node(fields, ti.Vector([i, j, k]))] = check
     fields.sleepers.is_disturbed[None] = 1
 
 
@@ -157,7 +158,6 @@ def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last
     origin = fields.world_origin()
     total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
     for n in range(first, last):
-        pushed = 0
         block = fields.grid.active[n]
         if block[0] < fields.grid.width // BLOCK and fields.sleepers.stencil_count[block] > 0:
             # summed per block about its corner, in the field's precision, as in `update_nodes`
@@ -178,18 +178,17 @@ def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last
                             p += change
                             turning += ti.Vector([float(a), float(b), float(c)]).cross(change)
                             if given[3] > light:
-                                path = step.kick * v
+                                earlier = 0.0 * v
                                 if fields.sleepers.window[I] == check:
-                                    path += fields.sleepers.path[I]
+                                    earlier = fields.sleepers.path[I]
+                                path = earlier + step.kick * v
                                 fields.sleepers.window[I] = check
                                 fields.sleepers.path[I] = path
-                                if path.norm_sqr() > noticed * noticed:
-                                    pushed = 1
+                                if earlier.norm_sqr() <= noticed * noticed < path.norm_sqr():
+                                    mark_disturbed(fields, I, check)
             whole = ti.cast(p, ti.f64)
             total += whole
             moment += position(block * BLOCK, origin, fields.cell).cross(whole) + fields.cell * ti.cast(turning, ti.f64)
-        if pushed > 0:
-            mark_disturbed(fields, block, check)
     for d in ti.static(range(3)):
         add(step.out, fields.rows.asleep, d, total[d])
         add(step.out, fields.rows.asleep, 3 + d, moment[d])

@@ -4,7 +4,7 @@ from mpm.backend import is_concurrent, is_shared, once, ti
 from mpm.state.active_blocks import list_row
 from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
-from mpm.state.packs import LANES, is_active, pack_at
+from mpm.state.packs import LANES, active_lanes, lowest_bit, pack_at
 from mpm.state.particle_motion import drift_after, mark_active_lanes, move_pack, stop_pack_at_walls
 from mpm.state.particles import SPEED_LIMIT
 from mpm.state.stencil import NodeValues, SingleLayer, gather, lane_weights, moments, weights
@@ -93,13 +93,15 @@ def gather_pack(fields: ti.template(), P: ti.template(), q):
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
     # four numbers a node, the mass too, stored together and all used: only then LLVM makes them one vector
     rows = [once(ti.Matrix.zero(fields.real, LANES, 4)) for _ in range(4)]
-    for l in range(LANES):  # as in `scatter_pack`
-        if is_active(fields, q, l):
-            w = [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)]
-            sums = gather(ti.static(NodeValues(fields.grid.nodes, SingleLayer())), [once(base[d][l]) for d in range(3)],
-                          fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
-            for i, c in ti.static(ti.ndrange(4, 4)):
-                rows[i][l, c] = sums[i][c]
+    left = active_lanes(fields, q)
+    while left > 0:  # over a counted loop LLVM would make vectors of four lanes, which are loaded number by number
+        l = lowest_bit(left)
+        left -= 1 << l
+        w = [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)]
+        sums = gather(ti.static(NodeValues(fields.grid.nodes, SingleLayer())), [once(base[d][l]) for d in range(3)],
+                      fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
+        for i, c in ti.static(ti.ndrange(4, 4)):
+            rows[i][l, c] = sums[i][c]
     packs = [[once(ti.Vector([row[l, c] for l in range(LANES)])) for row in rows] for c in range(4)]
     return ([each[0] for each in packs[:3]], [each[i] for each in packs[:3] for i in range(1, 4)], f,
             once(packs[3][0] + packs[3][1] + packs[3][2] + packs[3][3]))
