@@ -33,7 +33,7 @@ class RecordingWriter:
 
     def __init__(self, path: Path, header: RecordingHeader, shapes: dict[str, bytes],
                  paths: dict[str, np.ndarray] | None = None, appearance: bytes = b"") -> None:
-        self.path, self.frames, self.bytes = path, 0, 0
+        self.path, self.frames = path, 0
         self.is_closed = False
         """Whether the recording is finished."""
         self._part = path.with_name(path.name + ".part")
@@ -67,7 +67,6 @@ class RecordingWriter:
         block = self._compressor.compress(content)
         self._file.write(BLOCK.pack(kind, len(block)) + block)
         self._file.flush()
-        self.bytes += len(block)
 
     def close(self) -> None:
         """Finish the recording under its name. May be called twice, also where an interrupt cut off the first call."""

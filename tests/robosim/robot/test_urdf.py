@@ -109,6 +109,7 @@ def test_what_a_urdf_lacks_or_adds_is_named(changes: tuple[str, ...], message: s
 
 @pytest.mark.parametrize(("place", "added", "message"), [
     ('<joint name="j1"', ' springdamper="0.1 1"', "joint j1 has stiffness"),
+    ('<joint name="j1"', ' ref="20"', "j1 has ref"), ('<joint name="j2"', ' axis="1 0 0"/><joint', "several joints"),
     ("</worldbody>", '<tendon><fixed name="belt"><joint joint="j0" coef="1"/></fixed></tendon>', "tendon belt acts"),
     ("</worldbody>", '<equality><connect name="pin" body1="l3" anchor="0 0 0"/></equality>', "equality pin acts"),
     ("<actuator>", '<motor name="jet" site="tip" gear="1 0 0 0 0 0"/>', "actuator jet acts"),
