@@ -1,6 +1,7 @@
 """`robosim new`: a commented configuration file to start from."""
 
 import argparse
+import re
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,9 @@ USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "mate
 MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
 FLANGES = ("tool0", "flange", "attachment_site", "ee_link", "tcp", "link_eef", "panda_link8", "fr3_link8", "right_hand")
 """Usual names of the place where a hand is mounted, the most usual first."""
+FINGER = re.compile("finger|jaw|claw|thumb|knuckle", re.IGNORECASE)
+HAND = re.compile(f"{FINGER.pattern}|grip|hand", re.IGNORECASE)
+"""What names of a hand's bodies have in them; of its joints and fixed bodies: a wrist's link may be `gripper`."""
 
 
 def add_parser(commands: Any) -> None:
@@ -80,25 +84,40 @@ def run(options: argparse.Namespace) -> int:
 
 
 def draft_arm(path: Path) -> tuple[dict[str, Any], tuple[str, ...], dict[str, list[str]]]:
-    """Return what the model of an arm says for its file, its joints, and limit -> joints of which it does not say it.
-    The flange is a site or body with a usual name, or else the last body behind the most joints; raises ConfigError."""
+    """Return what the model of an arm says for its file, its joints, and limit -> joints of which it does not say it;
+    raises ConfigError."""
     from robosim.config.arm import ArmConfig
     from robosim.config.table import validate
     from robosim.robot.mjspec import read_model
     from robosim.robot.robot import collect_limits, read_chain
 
     spec = read_model(path)
-    names = [part.name for part in (*spec.sites, *spec.bodies)]
-    behind = {"world": 0}
-    for body in spec.bodies[1:]:
-        behind[body.name] = behind[body.parent.name] + len(body.joints)
-    flange = next((name for name in FLANGES if name in names), max(reversed(behind), key=behind.__getitem__))
+    flange = guess_flange(spec)
     joints = tuple(joint.name for joint in read_chain(spec, flange, 0.0, path)[1])
     table: dict[str, Any] = {"model": path.name, "flange": flange, "payload": None}
     limits, _, missing = collect_limits(spec.compile(), joints, validate(table, path, ArmConfig), path)
     table["limits"] = {key: [None if key.endswith("_deg") or value != value else float(value) for value in
                              limits.get(key, joints)] for key in missing}
     return table, joints, missing
+
+
+def guess_flange(spec: Any) -> str:
+    """Return a site or body of a model with a usual name, or else the last body behind the most joints of no hand.
+    A hand begins where it is named, and behind as many joints as an arm has where one slides or several bodies move."""
+    from robosim.config.arm import LEAST_JOINTS
+    from robosim.robot.robot import SLIDE
+
+    names = [part.name for part in (*spec.sites, *spec.bodies)]
+    behind = {"world": 0}
+    for body in spec.bodies[1:]:
+        number = behind.get(body.parent.name, -1)
+        is_hand = FINGER.search(body.name) or any(HAND.search(part.name) for part in body.joints or [body])
+        if number >= LEAST_JOINTS and body.joints:
+            beside = sum(bool(one.joints) for one in body.parent.bodies) > 1
+            is_hand = is_hand or beside or body.joints[0].type == SLIDE
+        if number == 0 or (number > 0 and not is_hand):
+            behind[body.name] = number + len(body.joints)
+    return next((name for name in FLANGES if name in names), max(reversed(behind), key=behind.__getitem__))
 
 
 def bundled_names(kind: str) -> list[str]:

@@ -45,8 +45,8 @@ class MobilityProbe:
         impulses = h * wrenches[self.trial.bodies].ravel()
         if not np.isfinite(responses).all():
             raise RobotDiverged(float(self.data.time), ["the response to a probing impulse is not finite"])
-        W = project_mobility(jacobian @ responses)
-        self._mobility, self._responses = W, responses
+        self._mobility, self._responses = jacobian @ responses, responses
+        W = project_mobility(self._mobility)
         free_twists = self.trial.twists() - (W @ impulses).reshape(n, 6)
         self.trial.restore()
         return twists, free_twists, W

@@ -74,7 +74,7 @@ class ArmTool(Carrier):
         self._close_fingers(round(GRASP_TIME / task.step_dt))
         self._scene_setting = SceneSetting(self.cell.scene, self.cell.servo, task)
         if has_sensors:
-            self.sensors = ArmSampler(self.cell.scene, self.cell.data, arm)
+            self.sensors = ArmSampler(self.cell)
         self.cell.couple(solver, TOOL, task.coupling)
 
     def _forget_readings(self) -> None:

@@ -1,5 +1,6 @@
 """Writing a recording while its run goes on."""
 
+import contextlib
 import json
 import struct
 from collections.abc import Sequence
@@ -32,19 +33,25 @@ class RecordingWriter:
 
     def __init__(self, path: Path, header: RecordingHeader, shapes: dict[str, bytes],
                  paths: dict[str, np.ndarray] | None = None, appearance: bytes = b"") -> None:
-        self.path, self.frames, self.bytes = path, 0, 0
+        self.path, self.frames = path, 0
+        self.is_closed = False
+        """Whether the recording is finished."""
         self._part = path.with_name(path.name + ".part")
         self._codec = GrainCodec(header.lower, header.upper)
         self._compressor = zstandard.ZstdCompressor(level=LEVEL, write_checksum=True)
         self._file = self._part.open("wb")
-        self._file.write(MAGIC)
-        self._write(HEADER, json.dumps(header.model_dump(mode="json"), allow_nan=False).encode())
-        if appearance:
-            self._write(APPEARANCE, appearance)
-        for name, shape in shapes.items():
-            self._write(SHAPE, name.encode() + b"\n" + shape)
-        for name, positions in (paths or {}).items():
-            self._write(PATH, name.encode() + b"\n" + np.asarray(positions, "<f4").tobytes())
+        with contextlib.ExitStack() as undo:  # whoever is to close it has it only once it has begun
+            undo.callback(self._part.unlink)
+            undo.callback(self._file.close)
+            self._file.write(MAGIC)
+            self._write(HEADER, json.dumps(header.model_dump(mode="json"), allow_nan=False).encode())
+            if appearance:
+                self._write(APPEARANCE, appearance)
+            for name, shape in shapes.items():
+                self._write(SHAPE, name.encode() + b"\n" + shape)
+            for name, positions in (paths or {}).items():
+                self._write(PATH, name.encode() + b"\n" + np.asarray(positions, "<f4").tobytes())
+            undo.pop_all()
 
     def add(self, scene: SceneState, grains: GrainState) -> None:
         """Append a frame. Raises OSError for a full disk."""
@@ -60,15 +67,11 @@ class RecordingWriter:
         block = self._compressor.compress(content)
         self._file.write(BLOCK.pack(kind, len(block)) + block)
         self._file.flush()
-        self.bytes += len(block)
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether the recording is finished."""
-        return self._file.closed
 
     def close(self) -> None:
-        """Finish the recording under its name. May be called twice."""
-        if not self._file.closed:
+        """Finish the recording under its name. May be called twice, also where an interrupt cut off the first call."""
+        if not self.is_closed:
             self._file.close()
-            self._part.replace(self.path)
+            if self._part.exists():
+                self._part.replace(self.path)
+            self.is_closed = True

@@ -60,8 +60,9 @@ def weigh_at_wrist(run: RehearsalRun) -> float | None:
     if run.config.weigh_at is None:
         return None
     begin, end = find_weighing_interval(run, run.config.weigh_at)
-    steps = run.readings.select_steps(begin, end)
-    if steps.start == steps.stop:
+    times = run.readings.stack_steps("time")
+    resting = (times >= begin) & (times < end)
+    if not resting.any():
         return None
     # the sensor measures the child on the parent; at rest only the magnitude along gravity matters
-    return float(abs(run.readings.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - run.cell.scene.wrist_mass())
+    return float(abs(run.readings.stack_steps("wrist")[resting, 2].mean()) / GRAVITY - run.cell.scene.wrist_mass())

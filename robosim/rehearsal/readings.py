@@ -111,11 +111,6 @@ class Readings:
         """Mean share of the grains that was awake."""
         return float(self.stack_grains("awake").mean())
 
-    def select_steps(self, begin: float, end: float) -> slice:
-        """Select the steps whose time lies in [begin, end) [s]."""
-        times = self.stack_steps("time")
-        return slice(int(np.searchsorted(times, begin)), int(np.searchsorted(times, end)))
-
     def write_csv(self, path: Path) -> None:
         """Write trajectory.csv: one row a step, nine digits."""
         values = {name: np.column_stack([self.stack_steps(name)]) for name in WRITTEN}

@@ -3,12 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-import mujoco
 import numpy as np
 
+from robosim.cell.cell import Cell
 from robosim.robot.joint_control import TorqueSensors
-from robosim.robot.model import Arm
-from robosim.scene.compiled import Scene
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box
 
 SUMS = ("torque", "external", "wrist")
@@ -25,45 +23,36 @@ class ArmSampler:
     wrist: force [N] and torque [N m] (6,) of the wrist sensor in its own axes. The scene needs the sensors that
     `robosim.robot.assembly` adds."""
 
-    def __init__(self, scene: Scene, data: mujoco.MjData, arm: Arm) -> None:
-        self._scene, self._data, self._arm = scene, data, arm
-        self._sensors = TorqueSensors(scene.model, data, arm)
-        self._wrist = np.concatenate([scene.model.sensor(f"wrist_{kind}").adr[0] + np.arange(3)
+    def __init__(self, cell: Cell) -> None:
+        self.cell = cell
+        self._sensors = TorqueSensors(cell.model, cell.data, cell.arm)
+        self._wrist = np.concatenate([cell.model.sensor(f"wrist_{kind}").adr[0] + np.arange(3)
                                       for kind in ("force", "torque")])
         self.restart()
 
     def restart(self) -> None:
         """Take the first sample of an episode, at rest."""
         self.begin_action()
-        self._before = self.q.copy(), self.qd.copy()
+        self._before = self.cell.q.copy(), self.cell.qd.copy()
         self.take()
 
     def begin_action(self) -> None:
         """Forget the samples taken so far."""
-        n = len(self._arm.joints)
+        n = len(self.cell.arm.joints)
         self._count = 0
         self.torque, self.external, self.wrist = np.zeros(n), np.zeros(n), np.zeros(6)
 
     def take(self) -> None:
         """Take a sample after a step of MuJoCo, whose sensors show the state at its begin."""
-        acceleration = self._data.qacc[self._scene.arm_dofs]
+        data = self.cell.data
+        acceleration = data.qacc[self.cell.scene.arm_dofs]
         sample = (self._sensors.read(), self._sensors.estimate_external(*self._before, acceleration),
-                  self._data.sensordata[self._wrist])
-        self._before = self.q.copy(), self.qd.copy()
+                  data.sensordata[self._wrist])
+        self._before = self.cell.q.copy(), self.cell.qd.copy()
         self._count += 1
         for name, value in zip(SUMS, sample):
             mean = getattr(self, name)
             setattr(self, name, mean + (value - mean) / self._count)
-
-    @property
-    def q(self) -> np.ndarray:
-        """Joint angles [rad], or places [m] of slides (n,)."""
-        return self._data.qpos[self._scene.arm_qpos]
-
-    @property
-    def qd(self) -> np.ndarray:
-        """Their speeds (n,)."""
-        return self._data.qvel[self._scene.arm_dofs]
 
     def state(self) -> dict[str, Any]:
         """Return the means so far: arrays and plain values."""
@@ -101,7 +90,7 @@ class JointsTerm(ArmTerm):
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return q and qd (2 n,)."""
-        return np.concatenate([sight.sensors.q, sight.sensors.qd])
+        return np.concatenate([sight.sensors.cell.q, sight.sensors.cell.qd])
 
 
 class TorquesTerm(ArmTerm):

@@ -7,7 +7,7 @@ import numpy as np
 
 from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.planning.clearance import Nearest, RobotClearance
+from robosim.planning.clearance import RobotClearance
 from robosim.planning.plan import Plan, plan_motion
 from robosim.planning.recorded_motions import place_target
 from robosim.recordings.header import CurveEntry, WaypointEntry, floats
@@ -53,15 +53,12 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
             data.time, data.qpos[scene.arm_qpos] = time, state.q
             mujoco.mj_kinematics(scene.model, data)
             torque = plan.arm.inverse_dynamics(state.q, state.qd, state.qdd)
-            values = [*map(in_millimetres, clearance.measure(state.q)), float(np.degrees(plan.arm.margin(state.q))),
+            nearest = [one.distance for one in clearance.measure(state.q)]
+            values = [*(1e3 * distance if distance < FARTHEST else np.nan for distance in nearest),  # a curve's gap
+                      float(np.degrees(plan.arm.margin(state.q))),
                       100.0 * float(np.abs(state.qd / plan.arm.velocity).max()),
                       100.0 * float(np.abs(torque / plan.arm.torque_limits).max())]
             recorder.add(data, lambda grains, values=values: values)
     finally:
         recorder.close()
     return plan
-
-
-def in_millimetres(nearest: Nearest) -> float:
-    """Return a distance [mm]; NaN beyond FARTHEST, where a curve has a gap."""
-    return 1e3 * nearest.distance if nearest.distance < FARTHEST else float("nan")

@@ -35,7 +35,8 @@ def view(what: str, *, port: int, plan: bool = False, material: str | None = Non
 
             show = PlanEditor(what, settings or []).run
         else:
-            path = find_recordings(Path(what))[0] if is_recorded(what) else \
+            is_recorded = Path(what).is_dir() or what.endswith((".rec", ".rec.part"))
+            path = find_recordings(Path(what))[0] if is_recorded else \
                 stack.enter_context(begin_run(what, material, out, settings or []))
             recording = stack.enter_context(Recording(path))
             def show(server: Any) -> None:
@@ -45,11 +46,6 @@ def view(what: str, *, port: int, plan: bool = False, material: str | None = Non
         print(f"{address}   (Ctrl-C ends it)", flush=True)
         show(server)
     return 0
-
-
-def is_recorded(what: str) -> bool:
-    """Return whether a text is the folder of a run or a recording, not the name or the .yaml file of a rehearsal."""
-    return Path(what).is_dir() or what.endswith((".rec", ".rec.part"))
 
 
 @contextlib.contextmanager

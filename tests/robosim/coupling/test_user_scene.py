@@ -1,15 +1,19 @@
 """User scenes: plain MJCF, coupled in a few lines; action = reaction between grains and bodies."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 from trays import tray
+from written_arms import write_arm
 
 import mpm
 from robosim import ConfigError, GranularPlugin, UnknownName
 from robosim.base.errors import BodyLeftGrid, RobotDiverged
 from robosim.coupling.mobility_probe import MobilityProbe
 from robosim.coupling.trial_step import TrialStep
+from robosim.scene.frames import body_pose
 
 BOXES = """
 <mujoco>
@@ -199,6 +203,26 @@ def test_a_probe_is_the_response_of_a_step(integrator: str, spring: str) -> None
         ends.append(trial.twists()[0, 4])
         trial.roll_back()
     assert mobility[4, 4] == pytest.approx((ends[1] - ends[0]) / (0.005 * 0.002), rel=1e-3)
+
+
+def test_a_pose_is_corrected_at_the_limit_of_dry_friction(tmp_path: Path) -> None:
+    """Where a joint sticks in one probe and slides in the next, so that the responses are those of no mobility."""
+    model = mujoco.MjModel.from_xml_path(str(write_arm(tmp_path / "arm.xml", 6)))
+    model.opt.timestep, model.opt.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    data, rng, wrist = mujoco.MjData(model), np.random.default_rng(0), model.body("l5").id
+    trial = TrialStep(model, data, [wrist])
+    probe = MobilityProbe(trial)
+    for _ in range(20):
+        data.qpos[:], data.qvel[:] = rng.uniform(0.5, 1.2, model.nq), 0.0
+        mujoco.mj_forward(model, data)
+        model.dof_frictionloss[:] = np.abs(data.qfrc_bias) * rng.uniform(1.0, 1.001, model.nv)
+        trial.begin()
+        probe.predict(np.zeros((model.nbody, 6)))
+        trial.finish()
+        here = body_pose(data, wrist)
+        aim = here.position + rng.normal(0.0, 1e-6, 3)
+        probe.correct_poses({0: mpm.Pose(aim, here.quaternion)})
+        assert body_pose(data, wrist).position == pytest.approx(aim, abs=1e-8)
 
 
 def test_a_body_that_leaves_the_grid_causes_a_warning_and_falls_freely() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -104,6 +105,18 @@ def test_what_was_written_before_a_crash_is_read(tmp_path: Path) -> None:
                           - np.clip(frames()[counts[-1] - 1][1].positions, LOWER, UPPER)).max() < 1e-5
         recording.close()
     assert counts == sorted(counts) and counts[-1] == FRAMES and counts[0] < 3
+
+
+def test_an_interrupt_leaves_a_recording_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Raised while it is begun, and between its end and its name; whoever records then closes it once more."""
+    writer = write(tmp_path / "recording.rec")
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(Path, "replace", Mock(side_effect=KeyboardInterrupt))
+        writer.close()
+    writer.close()
+    with pytest.raises(KeyboardInterrupt):
+        RecordingWriter(tmp_path / "other.rec", header(), Mock(items=Mock(side_effect=KeyboardInterrupt)))
+    assert [path.name for path in tmp_path.iterdir()] == ["recording.rec"]
 
 
 @pytest.mark.parametrize(("content", "message"), [

@@ -13,9 +13,8 @@ from robosim import Rehearsal
 from robosim.base.errors import ConfigError
 from robosim.config.arm import ArmConfig
 
-STEP, JOLT, MOST_JOLTS, AT_REST = 1e-3, 0.01, 10, 0.02
-"""[s]; change of the tool's velocity in a step [m/s]; steps with one: an unstable servo has them in every step, the
-coupling in a few where it corrects the tool's pose; speed of a joint [rad/s]."""
+STEP, JOLT, AT_REST = 1e-3, 0.01, 0.01
+"""[s]; change of the tool's velocity in a step [m/s], which an unstable servo exceeds; speed of a joint [rad/s]."""
 REFUSED = [name for name in ARMS if "refused" in ARMS[name]]
 pytestmark = pytest.mark.filterwarnings("ignore:.*(visual shapes are left out|no shape of it collides)")
 
@@ -38,7 +37,7 @@ def test_an_arm_holds_every_bound_and_comes_to_rest(name: str, tmp_path: Path) -
     result = Rehearsal("spoon", robot=find(name), gripper="none").run(out=tmp_path)
     assert result.missed == [] and result.config.host_dt == STEP
     jolts = np.abs(np.diff(result.curves["reached"][:, :3], 2, axis=0)).max(axis=1) / STEP
-    assert np.count_nonzero(jolts > JOLT) < MOST_JOLTS
+    assert jolts.max() < JOLT
     assert np.abs(result.curves["qd"][-1]).max() < AT_REST
 
 

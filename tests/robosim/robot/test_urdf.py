@@ -16,6 +16,7 @@ from written_arms import write_arm, write_urdf
 
 from robosim.base.errors import ConfigError, RobosimWarning
 from robosim.commands.main import main
+from robosim.commands.new import draft_arm
 from robosim.config.arm import ArmConfig
 from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import compile_spec
@@ -108,6 +109,7 @@ def test_what_a_urdf_lacks_or_adds_is_named(changes: tuple[str, ...], message: s
 
 @pytest.mark.parametrize(("place", "added", "message"), [
     ('<joint name="j1"', ' springdamper="0.1 1"', "joint j1 has stiffness"),
+    ('<joint name="j1"', ' ref="20"', "j1 has ref"), ('<joint name="j2"', ' axis="1 0 0"/><joint', "several joints"),
     ("</worldbody>", '<tendon><fixed name="belt"><joint joint="j0" coef="1"/></fixed></tendon>', "tendon belt acts"),
     ("</worldbody>", '<equality><connect name="pin" body1="l3" anchor="0 0 0"/></equality>', "equality pin acts"),
     ("<actuator>", '<motor name="jet" site="tip" gear="1 0 0 0 0 0"/>', "actuator jet acts"),
@@ -136,6 +138,18 @@ def test_a_new_arms_file_says_what_to_fill_in(tmp_path: Path, capsys: pytest.Cap
     whole = write_urdf(tmp_path / "whole.urdf", ('velocity="0.5"', 'velocity="1"'))
     assert main(["new", "arm", str(whole)]) == 0 and "to fill in" not in capsys.readouterr().out
     assert load_arm(str(whole.with_suffix(".yaml"))).velocity.tolist() == [1.0, 1.5, 2.5, 3.5, 4.5, 5.5]
+
+
+@pytest.mark.parametrize("changes", [
+    (), ('"finger"', '"l6"', '"f"', '"gripper"'), ('"finger"', '"l6"', 'axis="1 0 0"', 'type="slide"'),
+    ('<body name="finger">', '<body name="l6"><joint/><geom size="0.01"/></body><body name="l7">')])
+def test_a_new_arm_ends_before_its_hand(changes: tuple[str, ...], tmp_path: Path) -> None:
+    """A hand of one joint, known by its name or its motion; one of two fingers."""
+    path = write_arm(tmp_path / "arm.xml", 6)
+    for old, new in zip(changes[::2], changes[1::2]):
+        path.write_text(path.read_text().replace(old, new))
+    table, joints, _ = draft_arm(path)
+    assert table["flange"] == "l5" and joints == ("j0", "j1", "j2", "j3", "j4", "j5")
 
 
 def test_what_a_new_arm_cannot_be_made_of_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
