@@ -124,8 +124,9 @@ class SceneRenderer:
                             for k in range(SMOOTHING) for j in range(SMOOTHING))
                 fog = np.maximum(fog, empty * np.float32(255 / SMOOTHING**2))
             share[rows], cover[rows] = surface + 0.5, fog + 0.5
-        surfaces = ImageChops.multiply(Image.fromarray(colours).reduce(SMOOTHING), to_grey(share))
-        return np.asarray(ImageChops.add(surfaces, ImageChops.multiply(self._sky, to_grey(cover))))
+        share, cover = (Image.merge("RGB", 3 * [Image.fromarray(one)]) for one in (share, cover))
+        surfaces = ImageChops.multiply(Image.fromarray(colours).reduce(SMOOTHING), share)
+        return np.asarray(ImageChops.add(surfaces, ImageChops.multiply(self._sky, cover)))
 
     def _read(self, view: View, height: int, width: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return colours (height, width, 3) of a view, and its depth buffer, which is 0 where nothing is seen."""
@@ -165,11 +166,6 @@ class SceneRenderer:
     def __del__(self) -> None:
         if hasattr(self, "_gl"):
             self.close()
-
-
-def to_grey(shares: NDArray[np.uint8]) -> Image.Image:
-    """Return a picture with shares (height, width) in all three colours."""
-    return Image.merge("RGB", 3 * [Image.fromarray(shares)])
 
 
 def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:

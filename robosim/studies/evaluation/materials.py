@@ -10,7 +10,7 @@ from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.files import write_rows
 from robosim.base.input_files import read_bytes
 from robosim.base.jobs import Launcher
-from robosim.base.output_folder import OutputFolder
+from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.study import Job, Study
 from robosim.config.materials import load_material
 from robosim.dosing import CONTROLLERS
@@ -21,13 +21,13 @@ from robosim.studies.evaluation.dosing_policy import numbers_of
 from robosim.studies.evaluation.material_episode import OWN
 from robosim.studies.evaluation.page import make_materials_page
 from robosim.studies.evaluation.policies import bundled_motion, load_policy
-from robosim.studies.evaluation.tables import Rows, draw_map, format_table, make_rows
+from robosim.studies.evaluation.tables import Rows, make_rows, pivot
 from robosim.tasks.task import load_task
 
 
 def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int = 1,
               launcher: Launcher | None = None) -> int:
-    """Run a policy's motion of every task in all materials, and write tables, a picture and a page into a folder.
+    """Run a policy's motion of every task in all materials, and write tables and a page into a folder.
 
     Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes, here;
     launcher: runs the episodes elsewhere. Returns 0, or 1 where a process failed; the same command then continues.
@@ -87,13 +87,13 @@ def list_inputs(task: str, name: str) -> list[Any]:
 
 
 def write_tables(folder: OutputFolder, name: str, rows_by_task: dict[str, Rows]) -> None:
-    """Write index.html, materials.json, .csv and .png, and print the scores."""
+    """Write index.html, materials.json and .csv, and print the scores."""
     tasks = list(rows_by_task)
     rows: list[dict[str, Any]] = [{"task": task, "material": material, **values} for task in tasks
                                   for material, values in rows_by_task[task].items()]
     folder.write_json("materials.json", {"policy": name, "rows": rows})
     write_rows(folder.path / "materials.csv", rows)
-    picture = folder.write("materials.png", lambda path: draw_map(path, tasks, rows_by_task)).read_bytes()
-    folder.write_text("index.html", make_materials_page(name, rows, picture).html())
-    print(format_table(tasks, rows_by_task))
+    lines = pivot(tasks, rows_by_task)
+    folder.write_text("index.html", make_materials_page(name, rows, lines).html())
+    print(aligned(lines))
     print(folder.path / "index.html")

@@ -1,12 +1,9 @@
-"""Tables of episodes; table and picture of one motion among many materials."""
+"""Tables of one motion among many materials."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from robosim.base.output_folder import aligned
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation.material_episode import OWN, READINGS
 
@@ -28,29 +25,11 @@ def make_rows(episodes: Rows) -> Rows:
     return rows
 
 
-def format_table(tasks: list[str], rows_by_task: dict[str, Rows]) -> str:
-    """Format scores, with deviations in brackets, for a terminal."""
+def pivot(tasks: list[str], rows_by_task: dict[str, Rows]) -> list[list[str]]:
+    """Return a line for each material under a head: scores of the tasks, with deviations in brackets."""
     def cell(values: dict[str, Any]) -> str:
         deviation = "-" if values["td_mm"] is None else f"{values['td_mm']:.1f}"
         return f"{values['score']:.1f} ({deviation})"
 
     lines = [["score (TD [mm])", *tasks]]
-    lines += [[material, *(cell(rows_by_task[task][material]) for task in tasks)] for material in MATERIALS]
-    return aligned(lines)
-
-
-def draw_map(path: Path, tasks: list[str], rows_by_task: dict[str, Rows]) -> None:
-    """Draw the delivered share as a map of materials by tasks, with the scores in its cells."""
-    shares = np.array([[rows_by_task[task][label]["delivered"] for task in tasks] for label in MATERIALS], float)
-    figure = Figure(figsize=(4.4 + 1.1 * len(tasks), 1.2 + 0.42 * len(MATERIALS)), layout="constrained")
-    axes = figure.subplots()
-    image = axes.imshow(shares, vmin=0.0, vmax=1.0, cmap="viridis", aspect="auto")
-    for i, label in enumerate(MATERIALS):
-        for j, task in enumerate(tasks):
-            axes.text(j, i, f"{rows_by_task[task][label]['score']:.1f}", ha="center", va="center", fontsize=8,
-                      color="black" if shares[i, j] > 0.6 else "white")
-    axes.set_xticks(range(len(tasks)), tasks, rotation=30, ha="right")
-    axes.set_yticks(range(len(MATERIALS)), list(MATERIALS))
-    axes.set_title("score of one motion")
-    figure.colorbar(image, label="delivered fraction")
-    figure.savefig(path, dpi=120)
+    return lines + [[material, *(cell(rows_by_task[task][material]) for task in tasks)] for material in MATERIALS]
