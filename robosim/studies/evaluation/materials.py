@@ -4,6 +4,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mpm.array_files import MAX_ARRAYS
 from robosim.base.digests import digest
 from robosim.base.errors import ConfigError, UnknownName
@@ -18,11 +20,13 @@ from robosim.envs import is_task_file, task_name
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.dosing_policy import numbers_of
-from robosim.studies.evaluation.material_episode import OWN
+from robosim.studies.evaluation.material_episode import OWN, READINGS
 from robosim.studies.evaluation.page import make_materials_page
 from robosim.studies.evaluation.policies import bundled_motion, load_policy
-from robosim.studies.evaluation.tables import Rows, make_rows, pivot
 from robosim.tasks.task import load_task
+
+Rows = dict[str, dict[str, Any]]
+"""Label of a material -> score, deviation and readings in it."""
 
 
 def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int = 1,
@@ -97,3 +101,27 @@ def write_tables(folder: OutputFolder, name: str, rows_by_task: dict[str, Rows])
     folder.write_text("index.html", make_materials_page(name, rows, lines).html())
     print(aligned(lines))
     print(folder.path / "index.html")
+
+
+def make_rows(episodes: Rows) -> Rows:
+    """Return scores, deviations and readings by material, from episodes by material.
+    td_mm: trajectory deviation, the mean distance over the episode [mm] between the centre of the observed grains in
+    a material and in the task's own; None where the episode diverged at once."""
+    own, rows = np.array(episodes[OWN]["trajectory"]), {}
+    for label in MATERIALS:
+        trajectory = np.array(episodes[label]["trajectory"])
+        common = min(len(own), len(trajectory))  # an episode that diverged is shorter
+        deviation = np.linalg.norm(trajectory[:common] - own[:common], axis=1).mean() if common else None
+        rows[label] = {"score": episodes[label]["score"], "td_mm": None if deviation is None else 1e3 * deviation,
+                       **{key: episodes[label][key] for key in READINGS}, "diverged": episodes[label]["diverged"]}
+    return rows
+
+
+def pivot(tasks: list[str], rows_by_task: dict[str, Rows]) -> list[list[str]]:
+    """Return a line for each material under a head: scores of the tasks, with deviations in brackets."""
+    def cell(values: dict[str, Any]) -> str:
+        deviation = "-" if values["td_mm"] is None else f"{values['td_mm']:.1f}"
+        return f"{values['score']:.1f} ({deviation})"
+
+    lines = [["score (TD [mm])", *tasks]]
+    return lines + [[material, *(cell(rows_by_task[task][material]) for task in tasks)] for material in MATERIALS]
