@@ -10,11 +10,11 @@ EXAMPLE = next(block.text for block in blocks(ROOT / "docs" / "results" / "dosin
 
 
 def test_metrics_are_those_computed_by_hand() -> None:
-    """Targets of 10 g, doses of 10.1, 9.9 and 11 g: errors 1, -1 and 10 %, their sum of squares 74 about 10 / 3."""
-    doses = [{"draw": k, "material": "NaCl", "target_g": 10.0, "dosed_g": mass, "seconds": 2.0 + k, "spilled_g": lost}
-             for k, (mass, lost) in enumerate([(10.1, 0.1), (9.9, 0.3), (11.0, None), (None, None)])]
+    """Of 10 g each: 10.1, 9.9, 11 g, and none: errors 1, -1 and 10 %, whose squares about 10 / 3 sum to 206 / 3."""
+    doses = [{"draw": k, "material": "NaCl", "target_g": 10.0, "dosed_g": g, "seconds": 2.0 + k, "spilled_g": 0.1 * k}
+             for k, g in enumerate([10.1, 9.9, 11.0, None])]
     row, = measure(read_entry(json.dumps(json.loads(EXAMPLE) | {"draws": 4, "doses": doses})))
-    assert row == pytest.approx(["NaCl", 4, 0.5, 10 / 3, (206 / 6) ** 0.5, 1.0, 3.5, 0.2])
+    assert row == pytest.approx(["NaCl", 4, 0.5, 10 / 3, (206 / 6) ** 0.5, 1.0, 3.5, 0.15])
 
 
 @pytest.mark.parametrize("right, wrong, said", [
@@ -23,8 +23,7 @@ def test_metrics_are_those_computed_by_hand() -> None:
     ('"seconds": 120.0', '"mass": 1.0', "doses.1.seconds"), ('"robot"', '"film"', "kind"),
     ('"target_g": 0.2, "dosed_g": n', '"target_g": "0.2", "dosed_g": n', "doses.1.target_g")])
 def test_a_wrong_entry_is_refused_by_field(right: str, wrong: str, said: str, tmp_path, capsys) -> None:
-    path = tmp_path / "entry.json"
-    path.write_text(EXAMPLE)
+    (path := tmp_path / "entry.json").write_text(EXAMPLE)
     assert main(["check", str(path)]) == 0 and "2 of 200 draws" in capsys.readouterr().out
     assert EXAMPLE.count(right) == 1 and path.write_text(EXAMPLE.replace(right, wrong))
     assert main(["check", str(path)]) == 1 and said in capsys.readouterr().err
