@@ -26,7 +26,7 @@ from robosim.base.digests import code_digest  # noqa: E402
 from robosim.base.provenance import provenance  # noqa: E402
 
 IMAGES = HERE / "images"
-POSTERS = {"spoon": 8.95, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
+POSTERS = {"spoon": 8.85, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
 """Rehearsal -> time [s] of its still: grains fall, or move."""
 CASES = ["free_fall", "bar", "spin", "uniaxial", "column_weight", "hydrostatic", "return_mapping", "element_path",
          "closed_system", "block_at_rest", "ik_poses", "jerk_limits", "two_models"]
@@ -91,7 +91,7 @@ def gallery(out: Path) -> None:
     """Stills of the rehearsals besides the spoon's."""
     for name, moment in POSTERS.items():
         if name != "spoon":
-            command(["rehearse", name, "--poster", str(moment)], out / name)
+            command(["rehearse", name, "--camera", "close", "--poster", str(moment)], out / name)
             still(out / name, name)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 from generators import api, catalogue, commands, figures, keys, randomization, rooms, senses
-from generators.results import arms, learning, performance, verification
+from generators.results import arms, dosing, learning, performance, verification
 
 PARTS: dict[str, Callable[[], str]] = {
     "commands.md": commands.page,
@@ -18,6 +18,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "stability.md": verification.stability_page,
     "performance.md": performance.page,
     "arms.md": arms.page,
+    "dosing.md": dosing.page,
     "foreign_arms.md": arms.foreign_page,
     "learning_scores.md": learning.scores_page,
     "learning_changes.md": learning.changes_page,

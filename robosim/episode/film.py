@@ -2,7 +2,8 @@
 
 import contextlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -106,9 +107,9 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
             with Pictures(recording, style) as pictures:
                 writer = writer or stack.enter_context(Mp4Writer(path, fps=rate))
                 chosen = find_passages(recording)
-                for k in range(len(recording)):
+                for k, frame in enumerate(pictures.draw_all()):
                     time = recording.scene(k).time
-                    picture = Image.fromarray(pictures.draw(k))
+                    picture = Image.fromarray(frame)
                     passed = name_passage(recording, time)
                     write_caption(picture, f"{recording.header.caption}   {time:5.2f} s   {passed}".strip())
                     frame = np.asarray(picture)
@@ -149,9 +150,21 @@ class Pictures:
 
     def draw(self, k: int) -> np.ndarray:
         """Draw the k-th frame (height, width, 3)."""
+        return self._begin(k)()
+
+    def draw_all(self) -> Iterator[np.ndarray]:
+        """Draw all frames; each one is finished while the next one is begun."""
+        with ThreadPoolExecutor(1) as worker:
+            before = worker.submit(self._begin(0))
+            for k in range(1, len(self._recording)):
+                before, finished = worker.submit(self._begin(k)), before
+                yield finished.result()
+            yield before.result()
+
+    def _begin(self, k: int) -> Callable[[], np.ndarray]:
         scene = self._recording.scene(k)
         self._data.mocap_pos[:], self._data.mocap_quat[:] = scene.poses[:, :3], scene.poses[:, 3:]
-        return self._renderer.draw(self._data, self._recording.grains(k).positions, self._camera(scene.time))
+        return self._renderer.begin(self._data, self._recording.grains(k).positions, self._camera(scene.time))
 
     def __enter__(self) -> "Pictures":
         return self

@@ -69,12 +69,14 @@ def _build(content: bytes, bodies: Sequence[BodyEntry], path: Path) -> mujoco.Mj
     for entry in bodies:
         if entry.name != "world":
             spec.worldbody.add_body(name=entry.name, mocap=entry.moves, pos=entry.position, quat=entry.quaternion)
+    spec.worldbody.add_body(name="drawn last")
     _add_materials(spec, model)
     names = described["bodies"]
     known = {entry.name for entry in bodies} | {"world"}
     for k in range(len(model.geom_type)):
         if model.geom_group[k] in SHOWN_GROUPS and names[model.geom_bodyid[k]] in known:
-            _add_geom(spec, model, k, names[model.geom_bodyid[k]])
+            name = names[model.geom_bodyid[k]]
+            _add_geom(spec, model, k, "drawn last" if name == "world" else name)
     for kind, count in (("light", len(model.light_mode)), ("cam", len(model.cam_mode))):
         for k in range(count):
             body = spec.body(names[getattr(model, f"{kind}_bodyid")[k]])

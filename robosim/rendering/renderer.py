@@ -1,16 +1,18 @@
 """Pictures of a MuJoCo scene with its grains."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageChops
 
 from robosim.base.errors import RobosimError
 from robosim.config.scene import RegionConfig
 from robosim.rendering.grain_skin import FACES, compute_normals, find_surface, read_facets
-from robosim.rendering.soft_shadows import MAP_SIZE, View, shade
+from robosim.rendering.soft_shadows import Shadows, View
 
 Array = NDArray[np.float64]
 
@@ -24,6 +26,10 @@ SHADE = 0.5
 """Share of a surface's light that the key light gives it, and a shadow takes."""
 HEAP = 2.0
 """Weight of a heap's normal beside that of a grain's face."""
+MAP_SHARE, MAP_SIZES = 0.625, (256, 900)
+"""Side of the light's depth map by the height of a picture, and its least and largest [texels]."""
+STRIP = 36
+"""Rows of a picture that are shaded at once: their arrays stay in the processor's cache."""
 SKY = (228.0, 233.0, 239.0), (204.0, 209.0, 216.0)
 """Colours of what is behind everything, at the top and at the bottom of a picture: RGB."""
 MOST_GEOMS = 10_000
@@ -41,23 +47,27 @@ class RenderingUnavailable(RobosimError, RuntimeError):
 
 
 class SceneRenderer:
-    """Draws frames of one model, with its grains if it has a grain skin.
+    """Draws frames of one model, with its grains if it has a grain skin, which no other renderer can use then.
     width, height: in pixels. Raises RenderingUnavailable."""
 
     def __init__(self, model: mujoco.MjModel, grain_count: int, width: int = 1280, height: int = 720) -> None:
         self._model, self._size = model, (height, width)
         self._facets = read_facets(model, grain_count)
         self._radius = float(np.linalg.norm(self._facets, axis=2).mean()) if grain_count else 0.0
-        shape = (len(self._facets), len(FACES), 3, 3)
-        self._normals = compute_normals(self._facets).astype(np.float32).reshape(shape)
-        self._facets = self._facets.astype(np.float32).reshape(shape)
-        a, b, c = np.moveaxis(self._facets, 2, 0)
-        self._outward = np.cross(b - a, c - a)
-        """Normals (n, 8, 3) of the faces, not of unit length."""
-        self._gl, self._context = open_context(model, *(max(SMOOTHING * n, MAP_SIZE) for n in (width, height)))
+        self._normals = compute_normals(self._facets).astype(np.float32).reshape(-1, 9)
+        faces = self._facets.astype(np.float32).reshape(-1, len(FACES), 3, 3)
+        a, b, c = np.moveaxis(faces, 2, 0)
+        self._facets, self._outward = faces.reshape(-1, 9), np.cross(b - a, c - a)
+        """Faces of all grains, one after the other (8 n, 9), and their normals (n, 8, 3), not of unit length."""
+        sky = np.linspace(SKY[0], SKY[1], height)[:, None].astype(np.uint8)
+        self._sky = Image.fromarray(np.repeat(sky, width, axis=1))
+        self._map = int(np.clip(MAP_SHARE * height, *MAP_SIZES))
+        self._gl, self._context = open_context(model, *(max(SMOOTHING * n, self._map) for n in (width, height)))
         self._scene = mujoco.MjvScene(model, MOST_GEOMS)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_SKYBOX):
             self._scene.flags[flag] = False
+        # updates of the scene then leave the skin's vertices alone: they are overwritten anyway
+        model.skin_vertnum[:], model.skin_facenum[:], model.skin_bonenum[:] = 0, 0, 0
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)  # without collision geoms
         self._option.sitegroup[:] = 0
@@ -66,6 +76,11 @@ class SceneRenderer:
         """Draw the picture (height, width, 3) of a camera of the model, or of a free one.
         positions (n, 3) [m]: of the grains. data: only its positions are used. n may be smaller than the skin's count;
         None draws no grains."""
+        return self.begin(data, positions, camera)()
+
+    def begin(self, data: mujoco.MjData, positions: Array | None, camera: str | mujoco.MjvCamera
+              ) -> Callable[[], NDArray[np.uint8]]:
+        """Begin a picture as `draw` does; return what finishes it, which another thread may call meanwhile."""
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
@@ -74,27 +89,44 @@ class SceneRenderer:
             eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(camera).id
         scene, (height, width) = self._scene, self._size
         mujoco.mjv_updateScene(self._model, data, self._option, None, eye, mujoco.mjtCatBit.mjCAT_ALL, scene)
-        if len(self._facets):
+        if len(self._outward):
             self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32))
         self._gl.make_current()
         view = View.of(scene)
-        picture, depth = self._read(view, SMOOTHING * height, SMOOTHING * width)
-        empty = np.asarray(Image.fromarray((depth == 0.0).view(np.uint8) * np.uint8(255)).reduce(SMOOTHING)) / \
-            np.float32(255)
-        colours = np.asarray(Image.fromarray(picture).reduce(SMOOTHING), np.float32)
-        distances, room = view.distance(depth[::SMOOTHING, ::SMOOTHING]), self._model.vis.map
-        extent = self._model.stat.extent
-        fog = np.clip((distances / extent - room.fogstart) / (room.fogend - room.fogstart), 0.0, 1.0)
-        share = 1.0 - fog
+        colours, depth = self._read(view, SMOOTHING * height, SMOOTHING * width)
         light = next((light for light in scene.lights[: scene.nlight] if light.castshadow), None)
-        if light is not None:
-            seen_by = View.of_light(light, self._model.stat.center, room.shadowscale * extent)
-            lit = shade(distances, view, seen_by, lambda view: self._read(view, MAP_SIZE, MAP_SIZE)[1])
-            share *= 1.0 - SHADE * (1.0 - lit)
-        rows = np.linspace(SKY[0], SKY[1], height, dtype=np.float32)[:, None]
-        colours = colours * share[..., None]
-        colours += np.maximum(empty, fog)[..., None] * rows
-        return colours.astype(np.uint8)
+        if light is None:
+            return partial(self._shade, colours, depth, view, None)
+        if len(self._outward):
+            scene.skinfacenum[0] //= 2  # enough for the shadows of grains, which are narrower than a shadow's edge
+        light = View.of_light(light, self._model.stat.center, self._model.vis.map.shadowscale * self._model.stat.extent)
+        return partial(self._shade, colours, depth, view, (light, self._read(light, self._map, self._map)[1]))
+
+    def _shade(self, colours: NDArray[np.uint8], depths: NDArray[np.float32], view: View,
+               light: tuple[View, NDArray[np.float32]] | None) -> NDArray[np.uint8]:
+        """Return the picture (height, width, 3) with shadows, fog and sky.
+        colours, depths: of the view, with all samples. light: its view, and its depth buffer."""
+        height, width = self._size
+        room, extent = self._model.vis.map, np.float32(self._model.stat.extent)
+        shadows = None if light is None else Shadows(self._size, view, *light)
+        share, cover = np.empty((2, height, width), np.uint8)
+        for first in range(0, height, STRIP):
+            rows = slice(first, first + STRIP)
+            depth = depths[SMOOTHING * first : SMOOTHING * (first + STRIP)]
+            distances = view.distance(depth[::SMOOTHING, ::SMOOTHING])
+            fog = (distances / extent - room.fogstart) * np.float32(255.0 / (room.fogend - room.fogstart))
+            fog = np.clip(fog, 0.0, 255.0, out=fog)
+            surface = 255.0 - fog
+            if shadows is not None and surface.any():
+                surface *= 1.0 - SHADE * (1.0 - shadows.lit(distances, rows))
+            if fog.any():
+                empty = sum((depth[k::SMOOTHING, j::SMOOTHING] == 0.0).astype(np.float32)
+                            for k in range(SMOOTHING) for j in range(SMOOTHING))
+                fog = np.maximum(fog, empty * np.float32(255 / SMOOTHING**2))
+            share[rows], cover[rows] = surface + 0.5, fog + 0.5
+        share, cover = (Image.merge("RGB", 3 * [Image.fromarray(one)]) for one in (share, cover))
+        surfaces = ImageChops.multiply(Image.fromarray(colours).reduce(SMOOTHING), share)
+        return np.asarray(ImageChops.add(surfaces, ImageChops.multiply(self._sky, cover)))
 
     def _read(self, view: View, height: int, width: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return colours (height, width, 3) of a view, and its depth buffer, which is 0 where nothing is seen."""
@@ -108,19 +140,23 @@ class SceneRenderer:
     def _place_grains(self, positions: NDArray[np.floating]) -> None:
         """Overwrite the skin, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
         count = len(positions)
-        if count > len(self._facets):
-            raise ValueError(f"positions of {count} grains; accepted: at most {len(self._facets)}, as many as the "
+        if count > len(self._outward):
+            raise ValueError(f"positions of {count} grains; accepted: at most {len(self._outward)}, as many as the "
                              f"scene's skin has")
         visible, outward = find_surface(positions, CELL_IN_RADII * self._radius)
-        scene = self._scene
+        scene, order = self._scene, np.argsort(np.arange(len(visible)) % 2, kind="stable")
+        visible, outward = visible[order], outward[order]  # the first half of all faces is of every second grain
         # faces that look away from the camera are behind others of their grain
         sight = (View.of(scene).position - positions[visible]).astype(np.float32)
-        grain, face = np.nonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
-        shown, used = visible[grain], 3 * len(grain)
+        seen = np.flatnonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
+        grain, used = seen // len(FACES), 3 * len(seen)
+        shown = visible[grain] * len(FACES) + seen % len(FACES)
         # only the first vertices of the skin are filled, streamed and drawn
-        scene.skinvert[: 3 * used] = (self._facets[shown, face] + positions[shown, None]).ravel()
-        scene.skinnormal[: 3 * used] = (self._normals[shown, face] + HEAP * outward[grain, None]).ravel()
-        scene.skinvertnum[0], scene.skinfacenum[0] = used, len(grain)
+        for target, faces, shifts in ((scene.skinvert, self._facets, positions[visible]),
+                                      (scene.skinnormal, self._normals, HEAP * outward)):
+            np.add(np.take(faces, shown, axis=0), np.take(np.tile(shifts, 3), grain, axis=0),
+                   out=target[: 3 * used].reshape(-1, 9))
+        scene.skinvertnum[0], scene.skinfacenum[0] = used, len(seen)
 
     def close(self) -> None:
         """Free the OpenGL context; osmesa prints errors at interpreter exit otherwise."""

@@ -1,17 +1,17 @@
 """Soft shadows, computed from the depths that the light and the camera see.
 The shadow map of OpenGL has hard, stepped edges and doubles the time of a frame on a software rasteriser."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 Array = NDArray[np.float32]
 
-MAP_SIZE = 900
-"""Side of the light's depth map [texels]."""
+FINER = 2
+"""Steps in which a shadow's edge passes from one texel of the light's depth map to the next."""
 PENUMBRA = 0.008
 """Half width of a shadow's edge [m]."""
 SHARPNESS, EXPONENT = 80.0, 80.0
@@ -61,25 +61,35 @@ class View(NamedTuple):
         return self.near * self.far / (self.near + buffer * np.float32(self.far - self.near))
 
 
-def shade(depth: Array, camera: View, light: View, see: Callable[[View], Array]) -> Array:
-    """Return the share of the light (height, width) that reaches what a camera sees.
-    depth: [m] along the camera's axis. see: draws the depth buffer (n, n) of a view."""
-    texels = see(light)
-    size, count = np.float32(light.top / light.near), len(texels)
-    middle = np.float32(0.5 * (light.near + light.far))
-    seen = np.exp(np.clip(SHARPNESS * (light.distance(texels) - middle), -EXPONENT, EXPONENT))
-    width = max(1, round(PENUMBRA * count / float(size * middle)))
-    for axis in (0, 1):  # not by running sums, which lose all digits of the small
-        seen = sum((np.roll(seen, shift, axis) for shift in range(1 - width, width)), np.zeros_like(seen))
-    blocked = np.log(seen / (2 * width - 1) ** 2) / np.float32(SHARPNESS) + middle
-    turn = (light.axes @ camera.axes.T).astype(np.float32)
-    start = (light.axes @ (camera.position - light.position)).astype(np.float32)
-    height, width = depth.shape
-    up, right = (np.float32(camera.top / camera.near / height) * np.arange(1 - n, n, 2, dtype=np.float32)
-                 for n in (height, width))
-    x, y, z = (depth * (right * a + (c - up * b)[:, None]) + s for (a, b, c), s in zip(turn, start))
-    column, row = x / (z * size), y / (z * size)
-    texel = [np.clip((1.0 + share) * (0.5 * count), 0, count - 1).astype(np.int32) for share in (-row, column)]
-    lit = np.exp(np.minimum(np.float32(SHARPNESS) * (blocked[texel[0], texel[1]] - z + np.float32(BIAS)), 0.0))
-    edge = np.clip(FADE * (1.0 - np.maximum(np.abs(column), np.abs(row))), 0.0, 1.0)
-    return 1.0 - edge * (1.0 - lit)
+class Shadows:
+    """Shadows of one light in one picture.
+    shape: height and width of the picture. texels: the depth buffer (n, n) of the light."""
+
+    def __init__(self, shape: tuple[int, int], camera: View, light: View, texels: Array) -> None:
+        size, count = np.float32(light.top / light.near), len(texels)
+        middle = np.float32(0.5 * (light.near + light.far))
+        seen = np.exp(np.clip(SHARPNESS * (light.distance(texels) - middle), -EXPONENT, EXPONENT))
+        width = max(1, round(PENUMBRA * count / float(size * middle)))
+        for axis in (0, 1):  # not by running sums, which lose all digits of the small
+            seen = sum((np.roll(seen, shift, axis) for shift in range(1 - width, width)), np.zeros_like(seen))
+        finer = Image.fromarray(seen).resize((FINER * count, FINER * count), Image.Resampling.BILINEAR)
+        self._blocked = np.log(np.asarray(finer) / (2 * width - 1) ** 2) / np.float32(SHARPNESS) + middle
+        self._size = size
+        self._turn = (light.axes @ camera.axes.T).astype(np.float32)
+        self._start = (light.axes @ (camera.position - light.position)).astype(np.float32)
+        self._up, self._right = (np.float32(camera.top / camera.near / shape[0]) *
+                                 np.arange(1 - n, n, 2, dtype=np.float32) for n in shape)
+
+    def lit(self, depth: Array, rows: slice) -> Array:
+        """Return the share of the light (n, width) that reaches what a camera sees in some rows.
+        depth (n, width): [m] along the camera's axis."""
+        x, y, z = (depth * (self._right * a + (c - self._up[rows] * b)[:, None]) + s
+                   for (a, b, c), s in zip(self._turn, self._start))
+        scale, last = 1.0 / (z * self._size), len(self._blocked) - 1
+        column, row = x * scale, y * scale
+        texel = [np.clip((1.0 + share) * np.float32(0.5 * (last + 1)), 0, last).astype(np.int32)
+                 for share in (-row, column)]
+        z -= np.float32(BIAS)
+        lit = np.exp(np.minimum(np.float32(SHARPNESS) * (self._blocked[texel[0], texel[1]] - z), 0.0))
+        edge = np.clip(FADE * (1.0 - np.maximum(np.abs(column), np.abs(row))), 0.0, 1.0)
+        return 1.0 - edge * (1.0 - lit)

@@ -14,9 +14,8 @@ from pages import ROOT
 from robosim import Rehearsal
 from robosim.commands.main import main
 
-PAGE = (ROOT / "docs" / "guides" / "own_robot.md").read_text()
-SECTION = PAGE.partition("\n## Worked example")[2].partition("\n## ")[0]
-TREE, NEW, LISTED, LIMITS, LADLE, SALT, REHEARSE, PRINTED = re.findall(r"^```\w+\n(.*?)^```", SECTION, re.M | re.S)
+PAGE = (ROOT / "docs" / "guides" / "own_robot_example.md").read_text()
+TREE, NEW, LISTED, LIMITS, LADLE, SALT, REHEARSE, PRINTED = re.findall(r"^```\w+\n(.*?)^```", PAGE, re.M | re.S)
 pytestmark = pytest.mark.filterwarnings("ignore:.*visual shapes are left out")
 MOST_LINES, MOST_PLAN_TIME = 30, 20.0
 """What a person writes; seconds."""

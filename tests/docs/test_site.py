@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from browser_window import BrowserWindow, wait_until
+from generators import catalogue, randomization
 
 from robosim.randomization.ranges import NUMBERS
 
@@ -13,11 +14,8 @@ DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
 PAGES = ("index.html", "start/index.html", "concepts/field.html", "results/verification.html", "reference/keys.html")
 
 
-def test_tables_hold_every_material_and_every_number_that_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tables_hold_every_material_and_every_number_that_is_drawn() -> None:
     """Those that need no Sphinx; sugar's 5e-4 is text to YAML, and a mass to dose has no range in `wide`."""
-    monkeypatch.syspath_prepend(DOCS)
-    from generators import catalogue, randomization
-
     assert "m] | 0.0005 |" in catalogue.materials() and all(f"`{name}`" in randomization.page() for name in NUMBERS)
 
 

@@ -23,7 +23,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--policy", default="recorded", help=one_of(POLICIES, "or a .npz file with an array `actions` "
                         "(default: recorded, the bundled motions)"))
     parser.add_number("--jobs", default=1, help="number of episodes at the same time")
-    parser.add_out("materials.json, .csv and .png; episodes that are finished there are not repeated")
+    parser.add_out("materials.json and .csv; episodes that are finished there are not repeated")
     parser.add_settings("tasks' files", "success.delivered=0.9")
     parser.add_launcher()
     parser.set_defaults(run=run, after_interrupt="finished episodes are kept; the same command continues")

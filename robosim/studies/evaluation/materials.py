@@ -4,13 +4,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mpm.array_files import MAX_ARRAYS
 from robosim.base.digests import digest
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.files import write_rows
 from robosim.base.input_files import read_bytes
 from robosim.base.jobs import Launcher
-from robosim.base.output_folder import OutputFolder
+from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.study import Job, Study
 from robosim.config.materials import load_material
 from robosim.dosing import CONTROLLERS
@@ -18,16 +20,18 @@ from robosim.envs import is_task_file, task_name
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.dosing_policy import numbers_of
-from robosim.studies.evaluation.material_episode import OWN
+from robosim.studies.evaluation.material_episode import OWN, READINGS
 from robosim.studies.evaluation.page import make_materials_page
 from robosim.studies.evaluation.policies import bundled_motion, load_policy
-from robosim.studies.evaluation.tables import Rows, draw_map, format_table, make_rows
 from robosim.tasks.task import load_task
+
+Rows = dict[str, dict[str, Any]]
+"""Label of a material -> score, deviation and readings in it."""
 
 
 def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int = 1,
               launcher: Launcher | None = None) -> int:
-    """Run a policy's motion of every task in all materials, and write tables, a picture and a page into a folder.
+    """Run a policy's motion of every task in all materials, and write tables and a page into a folder.
 
     Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes, here;
     launcher: runs the episodes elsewhere. Returns 0, or 1 where a process failed; the same command then continues.
@@ -87,13 +91,37 @@ def list_inputs(task: str, name: str) -> list[Any]:
 
 
 def write_tables(folder: OutputFolder, name: str, rows_by_task: dict[str, Rows]) -> None:
-    """Write index.html, materials.json, .csv and .png, and print the scores."""
+    """Write index.html, materials.json and .csv, and print the scores."""
     tasks = list(rows_by_task)
     rows: list[dict[str, Any]] = [{"task": task, "material": material, **values} for task in tasks
                                   for material, values in rows_by_task[task].items()]
     folder.write_json("materials.json", {"policy": name, "rows": rows})
     write_rows(folder.path / "materials.csv", rows)
-    picture = folder.write("materials.png", lambda path: draw_map(path, tasks, rows_by_task)).read_bytes()
-    folder.write_text("index.html", make_materials_page(name, rows, picture).html())
-    print(format_table(tasks, rows_by_task))
+    lines = pivot(tasks, rows_by_task)
+    folder.write_text("index.html", make_materials_page(name, rows, lines).html())
+    print(aligned(lines))
     print(folder.path / "index.html")
+
+
+def make_rows(episodes: Rows) -> Rows:
+    """Return scores, deviations and readings by material, from episodes by material.
+    td_mm: trajectory deviation, the mean distance over the episode [mm] between the centre of the observed grains in
+    a material and in the task's own; None where the episode diverged at once."""
+    own, rows = np.array(episodes[OWN]["trajectory"]), {}
+    for label in MATERIALS:
+        trajectory = np.array(episodes[label]["trajectory"])
+        common = min(len(own), len(trajectory))  # an episode that diverged is shorter
+        deviation = np.linalg.norm(trajectory[:common] - own[:common], axis=1).mean() if common else None
+        rows[label] = {"score": episodes[label]["score"], "td_mm": None if deviation is None else 1e3 * deviation,
+                       **{key: episodes[label][key] for key in READINGS}, "diverged": episodes[label]["diverged"]}
+    return rows
+
+
+def pivot(tasks: list[str], rows_by_task: dict[str, Rows]) -> list[list[str]]:
+    """Return a line for each material under a head: scores of the tasks, with deviations in brackets."""
+    def cell(values: dict[str, Any]) -> str:
+        deviation = "-" if values["td_mm"] is None else f"{values['td_mm']:.1f}"
+        return f"{values['score']:.1f} ({deviation})"
+
+    lines = [["score (TD [mm])", *tasks]]
+    return lines + [[material, *(cell(rows_by_task[task][material]) for task in tasks)] for material in MATERIALS]

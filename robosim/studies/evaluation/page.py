@@ -32,13 +32,14 @@ def make_page(values: dict[str, Any], folder: Path) -> Page:
     return page
 
 
-def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[dict[str, Any]], picture: bytes) -> Page:
-    """Make the page of a suite: means with intervals by policy, the picture, and every episode."""
+def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[dict[str, Any]],
+                    scores: dict[str, dict[str, Any]]) -> Page:
+    """Make the page of a suite: means with intervals by policy, the sorted scores, and every episode."""
     page, (own, figures) = Page(title), next(iter(summary.items()))
     success = figures["is_success"]["mean"]
     page.set_verdict(f"{Path(own).name}: {success:.0%} of {figures['episodes']} episodes succeeded, mean score "
                      f"{figures['tcs']['mean']:.2f}", holds=success == 1.0)
-    page.add_picture(picture, "Score of every episode, with interquartile means, their 95 % intervals, and the cap.")
+    page.add_curves(scores, "share of the episodes", "Scores of a policy's episodes, from the lowest to the highest.")
     page.add_text("iqm: mean of the middle half, of all episodes and runs. Intervals: bootstrap over the runs of a "
                   "policy that has several, else over its episodes. normalised: 0 is no motion from the same start, 1 "
                   "its cap. Best and last are the policies of a run; it chooses its best on other starts than these.")
@@ -57,17 +58,16 @@ def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[d
     return page
 
 
-def make_materials_page(policy: str, rows: list[dict[str, Any]], picture: bytes) -> Page:
-    """Make the page of one motion in many materials: the map, and a row a task and material."""
+def make_materials_page(policy: str, rows: list[dict[str, Any]], lines: list[list[str]]) -> Page:
+    """Make the page of one motion in many materials: `lines` by material, and a row a task and material."""
     page = Page(f"One motion in many materials, policy {Path(policy).name}")
     diverged = sum(bool(row["diverged"]) for row in rows)
     delivered = [row["delivered"] for row in rows]
     page.set_verdict(f"delivered from {min(delivered):.0%} to {max(delivered):.0%} over {len(rows)} tasks and materials"
                      + (f"; {diverged} diverged" if diverged else ""), holds=not diverged)
-    page.add_picture(picture, "Score, and in colour the delivered fraction, of the motion that was made for each "
-                     "task's own material.")
-    page.add_text("td_mm: mean distance [mm] between the centre of the observed grains in a material and in the task's "
-                  "own.")
+    page.add_table(lines[0], lines[1:])
+    page.add_text("The motion was made for each task's own material. TD, td_mm: mean distance [mm] between the centre "
+                  "of the observed grains in a material and in the task's own.")
     names = list(rows[0])
     page.add_table(names, [[row[name] if name != "diverged" else row[name] or "" for name in names] for row in rows])
     return page

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from robosim.base.errors import ConfigError
 from robosim.base.files import write_rows
@@ -33,7 +32,7 @@ SCORES = ("normalised", "tcs")
 """Figures with an interquartile mean. normalised: share of the way from no motion (0) to the cap of the start (1)."""
 FIGURES = (*SCORES, "return", "is_success", "delivered", "dose_error", "dose_error_percent", "seconds", "spilled")
 """Figures of an episode that a summary has, where the task has them."""
-RESULTS = ("evaluation.json", "evaluation.csv", "evaluation.png", "index.html")
+RESULTS = ("evaluation.json", "evaluation.csv", "index.html")
 """Files that a run writes."""
 RUN_FILES = {"": "best_policy.npz", ", last": "last_policy.npz"}
 """What follows the name of a training run in the table -> its file."""
@@ -43,7 +42,7 @@ Row = dict[str, Any]
 
 def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None, *, episodes: int | None = None,
                    material: str | None = None, changed: Collection[str] = (), alone: bool = False) -> int:
-    """Score policies on a suite; print means with intervals, and write a row an episode, a summary and a picture.
+    """Score policies on a suite; print means with intervals, and write a row an episode, a summary and a page.
 
     names: of policies, their files, or folders of training runs, or of runs that differ in the seed alone. changed:
     top-level keys of the task that differ on purpose from what the policies were learned on. alone: run no other
@@ -100,8 +99,7 @@ def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None
                 "policies": summarize(rows)})
         progress.close()
         title, summary = f"{task_name(task)}, suite {suite}", summarize(rows)
-        picture = folder.write("evaluation.png", lambda path: draw(path, rows, title)).read_bytes()
-        folder.write_text("index.html", make_suite_page(title, summary, rows, picture).html())
+        folder.write_text("index.html", make_suite_page(title, summary, rows, sort_scores(rows)).html())
     print(format_summary(summary))
     return 0
 
@@ -187,21 +185,9 @@ def format_summary(summary: dict[str, dict[str, Any]]) -> str:
     return aligned(lines)
 
 
-def draw(path: Path, rows: list[Row], title: str) -> None:
-    """Draw every episode's normalised score, or its score, with interquartile means, their intervals and the cap."""
-    figure = Figure(figsize=(7.5, 4.0), layout="constrained")
-    axes, summary = figure.subplots(), summarize(rows)
+def sort_scores(rows: list[Row]) -> dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """Return, under the name of the score, each policy's shares of episodes and the score that they do not exceed."""
     key = next(one for one in SCORES if all(one in row for row in rows))
-    for place, (policy, values) in enumerate(summary.items()):
-        scores = [row[key] for row in rows if row["policy"] == policy]
-        spread = np.linspace(-0.25, 0.25, len(scores)) if len(scores) > 1 else np.zeros(1)
-        axes.plot(place + spread, scores, ".", ms=4, alpha=0.6)
-        middle, (low, high) = values[key]["iqm"], values[key]["iqm_interval"]
-        axes.errorbar(place + 0.35, middle, [[middle - low], [high - middle]], fmt="ko", capsize=4, ms=4)
-    caps = [1.0] if key == "normalised" else sorted({row["cap"] for row in rows if "cap" in row})
-    for cap in caps:
-        axes.axhline(cap, color="grey", lw=0.8, ls="--")
-    axes.set_xticks(range(len(summary)), [Path(policy).name for policy in summary], rotation=15)
-    axes.set(title=title, ylabel="score: no motion 0, cap 1" if key == "normalised" else "task completion score")
-    axes.grid(axis="y", alpha=0.3)
-    figure.savefig(path, dpi=110)
+    scores = {policy: np.sort([row[key] for row in rows if row["policy"] == policy])
+              for policy in dict.fromkeys(row["policy"] for row in rows)}
+    return {key: {Path(policy).name: (np.arange(1, 1 + len(own)) / len(own), own) for policy, own in scores.items()}}
