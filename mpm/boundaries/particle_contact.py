@@ -4,7 +4,6 @@ keeps the material's edge there. It takes the approach velocity, and adds what b
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
-from mpm.boundaries.facing import is_at_edge
 from mpm.boundaries.mobile_contact import reduce_by_compliance
 from mpm.state.active_blocks import mark_place
 from mpm.state.contact_fields import rank_of, sort_by_part, take_place
@@ -118,10 +117,7 @@ def stop_particle(fields: ti.template(), P: ti.template(), step: ti.template(), 
     y = R.transpose() @ r
     if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2):
         n_t, phi = fields.colliders[index].sdf.at(y)
-        is_pushed = phi < half
-        if ti.static(fields.features.touching):
-            is_pushed = is_pushed and not is_at_edge(fields.colliders[index].sdf, y, n_t, phi, fields.cell)
-        if is_pushed:
+        if phi < half:
             v = ti.Vector([P.v[d][q][lane] for d in range(3)])
             normal = R @ n_t
             approach = (v - surface_velocity(step.motion, k, step.row, r)).dot(normal)

@@ -40,8 +40,6 @@ class Features:
     """Indices of static colliders."""
     sleep: bool
     """Particles at rest fall asleep."""
-    touching: bool
-    """Solids stop only material that touches one of their faces."""
     orifices: tuple[tuple[int, int], ...]
     """Index of a shell with small holes, and how many it has."""
     cell_rates: bool
@@ -101,8 +99,7 @@ def features_of(scene: Scene, numerics: Numerics, *, strides: bool = True, body_
                     moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
                     shells=tuple(i for i in range(len(colliders)) if thin[i]), mobile=mobile,
                     static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]), sleep=sleep,
-                    touching=numerics.contact == "touching" and any(not t for t in thin), orifices=orifices,
-                    cell_rates=_has_cell_rates(bodies, sleep))
+                    orifices=orifices, cell_rates=_has_cell_rates(bodies, sleep))
 
 
 def _has_cell_rates(bodies: list[Body], sleep: bool) -> bool:
