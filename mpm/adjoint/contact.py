@@ -1,6 +1,6 @@
 """Adjoint of contact, of nodes and of particles that have entered the tool, to the motion of the tool."""
 
-from mpm.adjoint.coulomb import coulomb_back, normal_back, surface_back
+from mpm.adjoint.coulomb import coulomb_back, surface_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
@@ -60,7 +60,7 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
             y = R.transpose() @ r
             if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
                 surface = surface_velocity(step.motion, 0, step.row, r)
-                normal, way, n_there, of_material = touched_face(
+                normal, n_t, of_material = touched_face(
                     a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y, way_ahead(step, v - surface))
                 if normal.norm_sqr() > 0:
                     v_bar, surface_bar, normal_bar = coulomb_back(v, surface, normal,
@@ -68,11 +68,7 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
                     if of_material:  # the material's, which the tool does not turn
                         material_normal_back(a, step.place, I, normal, normal_bar)
                         normal_bar = 0.0 * normal_bar
-                    elif way.norm_sqr() > 0:  # the tool's at another node
-                        normal_back(a.fields, index, step.motion_bar, step.row, R, r + R @ way, y + way, n_there,
-                                    normal_bar)
-                        normal_bar = 0.0 * normal_bar
-                    surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_there, surface_bar,
+                    surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_t, surface_bar,
                                  normal_bar, ti.cast(0.0, a.fields.real))
     if owner > 0:
         v_bar, _s, _n = coulomb_back(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1],

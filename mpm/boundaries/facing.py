@@ -110,13 +110,17 @@ def deciding_node(fields: ti.template(), nodes: ti.template(), k, I):
 
 @ti.func
 def material_along(normal, here, above, below):
-    """Return how much nodal mass grows along a normal, from 0 to 1, and the cells to the material's surface."""
-    along = ti.abs(normal).dot(above + below)
-    front = here
+    """Return how much nodal mass grows along a normal, from 0 to 1, and the cells to the material's surface.
+    A layer thinner than a cell is heaviest at the node itself."""
+    front, behind, share = 0.0 * here, 0.0 * here, 0.0 * here
     for d in ti.static(range(3)):
-        front += ti.abs(normal[d]) * ((above[d] if normal[d] > 0 else below[d]) - here)
-    growth = normal.dot(above - below) / ti.max(ti.max(along, (above + below).max()), 1e-30)
-    return growth, distance_to_material(here / ti.max(front, 1e-30))
+        w = ti.abs(normal[d])
+        front += w * (above[d] if normal[d] > 0 else below[d])
+        behind += w * (below[d] if normal[d] > 0 else above[d])
+        share += w
+    most = ti.max(front, share * here)
+    growth = (most - behind) / ti.max(most + behind, 1e-30)
+    return growth, distance_to_material(here / ti.max(front + (1.0 - share) * here, 1e-30))
 
 
 @ti.func
@@ -132,39 +136,36 @@ def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal, ph
     nodes, k: see `node_mass`; ahead: see `way_ahead`."""
     J, here, above, below = deciding_node(fields, nodes, k, I)
     growth, cells = material_along(normal, here, above, below)
-    cells += normal.dot(ti.cast(J - I, fields.real))
-    return growth > FACING and phi + cells * fields.cell + ti.min(ahead.dot(normal), 0.0) < CONTACT_GAP * fields.cell
+    gap = phi + (cells + normal.dot(ti.cast(J - I, fields.real))) * fields.cell
+    return growth > FACING and gap + ti.min(ahead.dot(normal), 0.0) < CONTACT_GAP * fields.cell
 
 
 @ti.func
 def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.template(), R, y, ahead):
-    """Return the normal (3,) of the face of a solid that the material of node I touches, zero where it touches none.
+    """Return the normal (3,) of the face of a solid that the material of node I touches, zero where it touches none;
+    the solid's own at y; and whether the material's surface has decided.
     R: axes of the solid; y: the node in its frame. nodes, k: see `node_mass`; ahead: see `way_ahead`. Inside a solid
-    the closest face can be one without material, and at an edge it is none: there the material's own surface decides.
-    Returns as well the vector [m] in the solid's frame to the node that decides, the solid's normal there, and whether
-    the material's surface has decided."""
-    way, result, of_material = 0.0 * y, 0.0 * y, False
-    n_there, distance = solid.at(y)
-    if distance < FACE * fields.cell:
+    the closest face can be one without material, and at an edge it is none: there the material's own surface decides."""
+    result, of_material = 0.0 * y, False
+    n_t, phi = solid.at(y)
+    if phi < FACE * fields.cell:
         J, here, above, below = deciding_node(fields, nodes, k, I)
-        if (J != I).any():
-            way = fields.cell * (R.transpose() @ ti.cast(J - I, fields.real))
-            n_there, distance = solid.at(y + way)
-        normal = R @ n_there
+        to_deciding = ti.cast(J - I, fields.real)
+        normal = R @ n_t
         growth, cells = material_along(normal, here, above, below)
         is_facing = growth > FACING
-        of_material = (not is_facing and distance < 0) or is_at_edge(solid, y + way, n_there, distance, fields.cell)
+        of_material = (not is_facing and phi < 0) or is_at_edge(solid, y, n_t, phi, fields.cell)
         if of_material:
             normal = (above - below) / (above - below).norm(1e-30)
             growth, cells = material_along(normal, here, above, below)
-            _n, beyond = solid.at(y + way + fields.cell * (R.transpose() @ normal))
+            _n, beyond = solid.at(y + fields.cell * (R.transpose() @ (to_deciding + normal)))
             cells += beyond / fields.cell - 1.0  # the face lies where this way leaves the solid
             is_facing = growth > FACING_EDGE and beyond > 0
         else:
-            cells += distance / fields.cell
+            cells += phi / fields.cell + normal.dot(to_deciding)
         if is_facing and cells * fields.cell + ti.min(ahead.dot(normal), 0.0) < CONTACT_GAP * fields.cell:
             result = normal
-    return result, way, n_there, of_material
+    return result, n_t, of_material
 
 
 @ti.func

@@ -129,8 +129,8 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
             y = R.transpose() @ r
             if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
                 surface = surface_velocity(step.motion, k, step.row, r)
-                normal, _w, _n, _m = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y,
-                                                  way_ahead(step, v - surface))
+                normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y,
+                                              way_ahead(step, v - surface))
                 if normal.norm_sqr() > 0:
                     if ti.static(fields.mobile_place[index] >= 0):
                         list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
