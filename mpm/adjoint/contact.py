@@ -4,7 +4,7 @@ from mpm.adjoint.coulomb import coulomb_back, surface_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import FACE, deciding_node, touched_face, touches_static, way_ahead
+from mpm.boundaries.facing import FACE, deciding_node, touched_face, touches_static
 from mpm.boundaries.particle_contact import SOLID_RECOVERY
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
@@ -46,8 +46,8 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
         if owner > 0:
             contact = a.fields.static_contact.plane[J]
             static_normal = ti.Vector([contact[0], contact[1], contact[2]])
-            if contact[3] >= FACE * a.fields.cell or not touches_static(a.fields, a.nodes, step.place, I, static_normal,
-                                                                        contact[3], way_ahead(step, v)):
+            if contact[3] >= FACE * a.fields.cell \
+                    or not touches_static(a.fields, a.nodes, step.place, I, static_normal):
                 owner = 0
         if owner > 0:
             v = coulomb(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1])
@@ -61,7 +61,7 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
             if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
                 surface = surface_velocity(step.motion, 0, step.row, r)
                 normal, n_t, of_material = touched_face(
-                    a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y, way_ahead(step, v - surface))
+                    a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y)
                 if normal.norm_sqr() > 0:
                     v_bar, surface_bar, normal_bar = coulomb_back(v, surface, normal,
                                                                   a.fields.parameters.frictions[index], v_bar)

@@ -1,13 +1,13 @@
 """Contact state of a node next to a solid: whether its material touches a face of the solid.
 A node carries the mass of all particles within 1.5 cells. Beside a block that lies flush on a bed, nodes at the level
 of the bed's surface carry the bed's mass: if it were stopped at the block's side, the bed would hold the block.
-Material touches a face if the nodes' mass grows along the face's normal, as in front of a wall, and if the estimated
-surface of the material lies at the face; at a sharp edge, along that surface's normal. A node lighter than a fraction
-`LIGHT_NODE` of its heaviest neighbour takes that neighbour's contact state."""
+Material touches a face if some of its particles do, and if the nodes' mass grows along the face's normal, as in front
+of a wall; at a sharp edge, along the normal of the material's surface."""
 
 from mpm.backend import ti
 from mpm.boundaries.periodic import home_node
 from mpm.scene.grid import BLOCK
+from mpm.state.nodes import in_first_layer
 
 FACE = 0.51
 """Cells in front of a collider's face within which a node counts as on it. Half a cell puts the walls that nodes can
@@ -20,17 +20,9 @@ block that has sunk by half a cell meets what lies at its sides."""
 FACING_EDGE = 0.1
 """The same at an edge, in the direction in which the masses grow: material on three sides of four gives 0.2 to 0.3. A
 fluid would creep in at edges that do not hold it, and the thrust on a cube of ten cells be 4 to 6 % too low."""
-CONTACT_GAP = 0.05
-"""Largest estimated gap [cells] between face and material surface that still counts as contact, as surfaces are found
-to 0.05 cells: with 0.02 a block on an elastic bar settles 31 % too much, with 0.1 sand that lands stays 3 % too high.
-As nodes reach farther than particles, a block would otherwise rest half a cell above a bed."""
-SURFACE_DISTANCE = ((0.0, 1.5, -12.5), (0.04, 1.0, -3.125), (0.2, 0.5, -1.613), (0.51, 0.0, -1.53))
-"""Mass of a node relative to that of the next one along the normal, distance [cells] from the node to the material's
-surface, and its slope up to the next row: by the B-splines of a filled half space."""
 LIGHT_NODE = 0.2
-"""Mass of a node relative to its heaviest neighbour, below which it takes that neighbour's contact state. Such a node
-lies half a cell or more away from the material, and its mass comes from few particles: it gives the surface to 0.3
-cells only, a heavier one to 0.05 cells."""
+"""Mass of a node relative to its heaviest neighbour, below which the masses about that neighbour decide. Such a node
+lies half a cell or more away from the material, and its mass comes from few particles."""
 SHARP = 0.85
 """Depth at a small distance behind the closest place of a solid, relative to that distance, below which this place lies
 on an edge. It is 1 behind a face and 0.7 behind a right angle."""
@@ -109,8 +101,8 @@ def deciding_node(fields: ti.template(), nodes: ti.template(), k, I):
 
 
 @ti.func
-def material_along(normal, here, above, below):
-    """Return how much nodal mass grows along a normal, from 0 to 1, and the cells to the material's surface.
+def growth_along(normal, here, above, below):
+    """Return how much nodal mass grows along a normal, from 0 to 1; see `masses_about`.
     A layer thinner than a cell is heaviest at the node itself."""
     front, behind, share = 0.0 * here, 0.0 * here, 0.0 * here
     for d in ti.static(range(3)):
@@ -119,60 +111,43 @@ def material_along(normal, here, above, below):
         behind += w * (below[d] if normal[d] > 0 else above[d])
         share += w
     most = ti.max(front, share * here)
-    growth = (most - behind) / ti.max(most + behind, 1e-30)
-    return growth, distance_to_material(here / ti.max(front + (1.0 - share) * here, 1e-30))
+    return (most - behind) / ti.max(most + behind, 1e-30)
 
 
 @ti.func
-def way_ahead(step: ti.template(), relative):
-    """Return the way [m] (3,) of material in half of the rest of a stride, after which it touches at the latest.
-    relative: its velocity [m/s] (3,) to a solid. The masses of nodes are those in the middle of the stride."""
-    return 0.5 * (step.stride - step.dt) * relative
+def has_touching_grains(fields: ti.template(), I):
+    """Return whether some particle with mass at node I touches a solid in this stride, see `note_touching`."""
+    return fields.grid.touching[in_first_layer(fields.grid, I)] == fields.grid.stamp[I // BLOCK]
 
 
 @ti.func
-def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal, phi, ahead):
-    """Return whether the material of node I touches a face of normal (3,) at the distance phi [m], away from edges.
-    nodes, k: see `node_mass`; ahead: see `way_ahead`."""
-    J, here, above, below = deciding_node(fields, nodes, k, I)
-    growth, cells = material_along(normal, here, above, below)
-    gap = phi + (cells + normal.dot(ti.cast(J - I, fields.real))) * fields.cell
-    return growth > FACING and gap + ti.min(ahead.dot(normal), 0.0) < CONTACT_GAP * fields.cell
+def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal):
+    """Return whether the material of node I touches a face of normal (3,), away from edges.
+    nodes, k: see `node_mass`."""
+    result = False
+    if has_touching_grains(fields, I):
+        _J, here, above, below = deciding_node(fields, nodes, k, I)
+        result = growth_along(normal, here, above, below) > FACING
+    return result
 
 
 @ti.func
-def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.template(), R, y, ahead):
+def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.template(), R, y):
     """Return the normal (3,) of the face of a solid that the material of node I touches, zero where it touches none;
     the solid's own at y; and whether the material's surface has decided.
-    R: axes of the solid; y: the node in its frame. nodes, k: see `node_mass`; ahead: see `way_ahead`. Inside a solid
-    the closest face can be one without material, and at an edge it is none: there the material's own surface decides."""
+    R: axes of the solid; y: the node in its frame. nodes, k: see `node_mass`. Inside a solid the closest face can be
+    one without material, and at an edge it is none: there the material's own surface decides."""
     result, of_material = 0.0 * y, False
     n_t, phi = solid.at(y)
-    if phi < FACE * fields.cell:
+    if phi < FACE * fields.cell and has_touching_grains(fields, I):
         J, here, above, below = deciding_node(fields, nodes, k, I)
-        to_deciding = ti.cast(J - I, fields.real)
         normal = R @ n_t
-        growth, cells = material_along(normal, here, above, below)
-        is_facing = growth > FACING
+        is_facing = growth_along(normal, here, above, below) > FACING
         of_material = (not is_facing and phi < 0) or is_at_edge(solid, y, n_t, phi, fields.cell)
         if of_material:
             normal = (above - below) / (above - below).norm(1e-30)
-            growth, cells = material_along(normal, here, above, below)
-            _n, beyond = solid.at(y + fields.cell * (R.transpose() @ (to_deciding + normal)))
-            cells += beyond / fields.cell - 1.0  # the face lies where this way leaves the solid
-            is_facing = growth > FACING_EDGE and beyond > 0
-        else:
-            cells += phi / fields.cell + normal.dot(to_deciding)
-        if is_facing and cells * fields.cell + ti.min(ahead.dot(normal), 0.0) < CONTACT_GAP * fields.cell:
+            _n, beyond = solid.at(y + fields.cell * (R.transpose() @ (ti.cast(J - I, fields.real) + normal)))
+            is_facing = growth_along(normal, here, above, below) > FACING_EDGE and beyond > 0
+        if is_facing:
             result = normal
     return result, n_t, of_material
-
-
-@ti.func
-def distance_to_material(share):
-    """Return the distance [cells] from a node to the material's surface, by `SURFACE_DISTANCE`."""
-    cells = 0.0 * share
-    for least, cells_there, slope in ti.static(SURFACE_DISTANCE):
-        if share >= least:
-            cells = cells_there + slope * (share - least)
-    return cells

@@ -2,7 +2,7 @@
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import FACE, GRID_NODES, is_at_edge, touched_face, touches_static, way_ahead
+from mpm.boundaries.facing import FACE, GRID_NODES, is_at_edge, touched_face, touches_static
 from mpm.boundaries.mobile_contact import list_node
 from mpm.boundaries.orifice_flow import receding_velocity
 from mpm.scene.grid import BLOCK
@@ -129,8 +129,7 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
             y = R.transpose() @ r
             if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
                 surface = surface_velocity(step.motion, k, step.row, r)
-                normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y,
-                                              way_ahead(step, v - surface))
+                normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y)
                 if normal.norm_sqr() > 0:
                     if ti.static(fields.mobile_place[index] >= 0):
                         list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
@@ -150,8 +149,7 @@ def collide_with_static(fields: ti.template(), step: ti.template(), I, before, m
     if owner > 0:
         contact = fields.static_contact.plane[J]
         normal = ti.Vector([contact[0], contact[1], contact[2]])
-        if contact[3] < FACE * fields.cell and touches_static(fields, GRID_NODES, 0, I, normal, contact[3],
-                                                              way_ahead(step, v)):
+        if contact[3] < FACE * fields.cell and touches_static(fields, GRID_NODES, 0, I, normal):
             new = coulomb(v, v * 0.0, normal, fields.parameters.frictions[owner - 1])
             credit(step.out, fields.rows.first_collider + owner - 1, place, mass * (new - v))
             v = new

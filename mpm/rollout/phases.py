@@ -18,7 +18,8 @@ from mpm.stepping.phases import phases_of
 ADJOINTS: dict[str, Callable | None] = {
     "label nodes": None, "label particles": None, "list particles": None, "start nodes": start_nodes_back,
     "scatter": scatter_back, "scatter across shells": None,
-    "fold walls": fold_walls_back, "update nodes": update_nodes_back, "unfold walls": unfold_walls_back,
+    "fold walls": fold_walls_back, "note touching particles": None, "update nodes": update_nodes_back,
+    "unfold walls": unfold_walls_back,
     "start block list": None, "check speeds": None, "gather": gather_back, "gather across shells": None,
     "stop at shells": stop_at_shells_back, "stop penetration": stop_penetration_back}
 """Name of a phase -> its adjoint; None: nothing that it changes has a derivative, or that of another phase has it:
