@@ -13,7 +13,7 @@ from mpm.state.nodes import stencil
 from mpm.state.packs import LANES, is_active, pack_at, packs_of_body
 from mpm.state.particle_motion import BACKSTOP, drift_after, move_lane, plane_at
 
-CONTACT_GAP = 0.05
+CONTACT_GAP = 0.02
 """Cells between a particle's cube and a solid within which it touches. Grains at rest stay within 0.02."""
 NEARBY = 0.3
 """Cells within which a particle can come to touch in half of a stride: strides end before any travels farther."""
