@@ -37,9 +37,8 @@ class Solver:
     - transfer_interval: longest stride [s], the time between two transfers of velocities to the particles; 0: one
       substep. "strides": 6.5 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
     - sleep: whether particles at rest sleep and cost nothing; a number: a factor on `mpm.stepping.sleep_thresholds`.
-    - contact: solids stop all material within half a cell, "near", or only what lies at one of their faces, "touching".
 
-    The last six are the fields of `numerics`. `readings` has further readings, `settings` further numbers that can be
+    The last five are the fields of `numerics`. `readings` has further readings, `settings` further numbers that can be
     set."""
 
     def __init__(self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,

@@ -1,17 +1,16 @@
 """Adjoint of contact, of nodes and of particles that have entered the tool, to the motion of the tool."""
 
-from mpm.adjoint.coulomb import coulomb_back, normal_back, surface_back
+from mpm.adjoint.coulomb import coulomb_back, surface_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import deciding_node, is_at_edge, touched_face, touches_static
-from mpm.boundaries.node_contact import FACE
+from mpm.boundaries.facing import FACE, deciding_node, touched_face, touches_static
 from mpm.boundaries.particle_contact import SOLID_RECOVERY
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer
 from mpm.state.packs import LANES, is_near, lane_mask
-from mpm.state.particle_motion import drift_after, keep_inside, kept_off_walls
+from mpm.state.particle_motion import drift_after, keep_inside, stopped_velocity
 from mpm.transfers.to_particles import gather_pack
 
 
@@ -32,7 +31,8 @@ def update_nodes_back(a: ti.template(), step: ti.template()):
                     if ti.static(len(a.fields.colliders) > 0):
                         v_bar = collide_back(a, step, I, free + step.kick * gravity, origin, v_bar)
                     p_bar = v_bar / q[3]
-                    a.nodes.bars[I] = ti.Vector([p_bar[0], p_bar[1], p_bar[2], bar[3] - p_bar.dot(free)])
+                    mass_bar = a.nodes.bars[I][3] - p_bar.dot(free)  # a neighbour's normal may have added to it
+                    a.nodes.bars[I] = ti.Vector([p_bar[0], p_bar[1], p_bar[2], mass_bar])
 
 
 @ti.func
@@ -46,9 +46,9 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
         if owner > 0:
             contact = a.fields.static_contact.plane[J]
             static_normal = ti.Vector([contact[0], contact[1], contact[2]])
-            if ti.static(a.fields.features.touching):  # noqa: SIM102  (decided when compiling)
-                if not touches_static(a.fields, a.nodes, step.place, I, static_normal, contact[3]):
-                    owner = 0
+            if contact[3] >= FACE * a.fields.cell \
+                    or not touches_static(a.fields, a.nodes, step.place, I, static_normal):
+                owner = 0
         if owner > 0:
             v = coulomb(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1])
     if ti.static(len(a.fields.features.shells) > 0):
@@ -59,27 +59,17 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
             R = collider_axes(step.motion, 0, step.row)
             y = R.transpose() @ r
             if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
-                n_t, phi = a.fields.colliders[index].sdf.at(y)
-                normal, touches = R @ n_t, phi < ti.static(FACE * a.fields.cell)
-                way, n_there = 0.0 * y, n_t
-                if ti.static(a.fields.features.touching):  # noqa: SIM102  (decided when compiling)
-                    if touches:
-                        normal, way, n_there = touched_face(a.fields, a.nodes, step.place, I,
-                                                            a.fields.colliders[index].sdf, R, y, n_t, phi)
-                        touches = normal.norm_sqr() > 0
-                if touches:
-                    v_bar, surface_bar, normal_bar = coulomb_back(v, surface_velocity(step.motion, 0, step.row, r),
-                                                                  normal, a.fields.parameters.frictions[index], v_bar)
-                    if ti.static(a.fields.features.touching):
-                        if (normal != R @ n_there).any():  # the material's, which the tool does not turn
-                            material_normal_back(a, step.place, I, normal, normal_bar)
-                            normal_bar = 0.0 * normal_bar
-                        elif way.norm_sqr() > 0:  # the tool's at another node
-                            normal_back(a.fields, index, step.motion_bar, step.row, R, r + R @ way, y + way, n_there,
-                                        normal_bar)
-                            normal_bar = 0.0 * normal_bar
+                surface = surface_velocity(step.motion, 0, step.row, r)
+                normal, n_t, of_material = touched_face(
+                    a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y)
+                if normal.norm_sqr() > 0:
+                    v_bar, surface_bar, normal_bar = coulomb_back(v, surface, normal,
+                                                                  a.fields.parameters.frictions[index], v_bar)
+                    if of_material:  # the material's, which the tool does not turn
+                        material_normal_back(a, step.place, I, normal, normal_bar)
+                        normal_bar = 0.0 * normal_bar
                     surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_t, surface_bar,
-                                 normal_bar, 0.0 * phi)
+                                 normal_bar, ti.cast(0.0, a.fields.real))
     if owner > 0:
         v_bar, _s, _n = coulomb_back(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1],
                                      v_bar)
@@ -119,8 +109,12 @@ def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(),
         # the correction moves a particle by a small part of a cell
         if is_near(fields, after.x, q, centre, fields.colliders[index].sdf.radius + 0.6 * fields.cell):
             v, _B, _f, _masses = gather_pack(fields, P, q)
+            for l in range(LANES):
+                x, free = ti.Vector([P.x[d][q][l] for d in range(3)]), ti.Vector([v[d][l] for d in range(3)])
+                kept = stopped_velocity(fields, x, free, dt)
+                for d in ti.static(range(3)):
+                    v[d][l] = kept[d]
             for d in ti.static(range(3)):
-                v[d] = kept_off_walls(fields, d, P.x[d][q], v[d], dt)
                 after.v[d][q] = v[d]
                 after.x[d][q] = keep_inside(fields, P.x[d][q] + dt * v[d], d)
             for lane in range(LANES):
@@ -130,10 +124,7 @@ def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(),
                 y = R.transpose() @ r
                 if r.norm_sqr() < reach and half > 0 and not fields.colliders[index].sdf.is_beyond(y, half):
                     n_t, phi = fields.colliders[index].sdf.at(y)
-                    is_pushed = phi < half
-                    if ti.static(fields.features.touching):
-                        is_pushed = is_pushed and not is_at_edge(fields.colliders[index].sdf, y, n_t, phi, fields.cell)
-                    if is_pushed:
+                    if phi < half:
                         v_l = ti.Vector([v[d].dot(mask) for d in range(3)])
                         v_bar = ti.Vector([B.v[d][q].dot(mask) for d in range(3)])
                         x_bar = ti.Vector([B.x[d][q].dot(mask) for d in range(3)])

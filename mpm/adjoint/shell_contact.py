@@ -8,7 +8,7 @@ from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_veloc
 from mpm.boundaries.shell_transfer import SHELL_RECOVERY, WATCHED, lever_after
 from mpm.state.ledger import position
 from mpm.state.packs import LANES
-from mpm.state.particle_motion import drift_after, keep_inside, kept_off_walls
+from mpm.state.particle_motion import drift_after, keep_inside, stopped_velocity
 
 
 @ti.func
@@ -59,10 +59,9 @@ def stop_at_shells_back(a: ti.template(), step: ti.template()):
 def stop_particle_back(a: ti.template(), P: ti.template(), B: ti.template(), step: ti.template(), q, l, dt):
     """Reverse the stop of one particle that has moved for dt [s]; see `find_entered` and `stop_at_shell`."""
     side = side_of(a.after, q, l)
-    v = gathered_velocity(a, P, q, l)
     x = ti.Vector([P.x[d][q][l] for d in range(3)])
+    v = stopped_velocity(a.fields, x, gathered_velocity(a, P, q, l), dt)
     for d in ti.static(range(3)):
-        v[d] = kept_off_walls(a.fields, d, x[d], v[d], dt)
         a.after.v[d][q][l] = v[d]
         a.after.x[d][q][l] = keep_inside(a.fields, x[d] + dt * v[d], d)
     for row, index in ti.static(a.fields.features.shell_rows):

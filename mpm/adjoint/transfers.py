@@ -1,8 +1,8 @@
 """Adjoints of the transfers: that of the gather scatters, that of the scatter gathers."""
 
+from mpm.adjoint.backstop import stop_back
 from mpm.adjoint.side_layers import layers_of, side_of
 from mpm.adjoint.stress_update import read_list, recompute, stress_back
-from mpm.adjoint.wall_backstop import stop_at_walls_back
 from mpm.backend import once, ti
 from mpm.materials.material import PARAMETERS
 from mpm.materials.symmetric_tensor import FULL
@@ -34,8 +34,8 @@ def gather_back(a: ti.template(), step: ti.template()):
     """Adjoint of `gather_packs`: adds to the adjoints of node velocities, sets those of the positions before.
     The particles hold the positions before, `a.after` velocities and positions after, `a.bars` the adjoints after."""
     dt = drift_after(a.fields, step)
-    if ti.static(len(a.fields.wall_conditions) > 0) and dt > 0:
-        stop_at_walls_back(a, a.fields.particles, a.bars, dt)
+    if ti.static(len(a.fields.wall_conditions) > 0 or len(a.fields.features.static_colliders) > 0) and dt > 0:
+        stop_back(a, a.fields.particles, a.bars, dt)
     gather_body_back(a, a.fields, a.fields.particles, a.bars, a.after, dt)
 
 

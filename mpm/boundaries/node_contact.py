@@ -2,17 +2,13 @@
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import GRID_NODES, is_at_edge, touched_face, touches_static
+from mpm.boundaries.facing import FACE, GRID_NODES, is_at_edge, touched_face, touches_static
 from mpm.boundaries.mobile_contact import list_node
 from mpm.boundaries.orifice_flow import receding_velocity
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import GRAVITY_ROW, add, credit, position
 from mpm.state.nodes import in_first_layer, node_of
 
-FACE = 0.51
-"""Cells in front of a collider's face within which a node counts as on it. Half a cell puts the walls that nodes can
-make on average where the face is: the impact on a bar is right to 2 % instead of 11 %. With a whole cell, as for
-shells, an elastic bed under a block would settle 9 % too little, as its top layer is held."""
 REACH = FACE + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
 """Cells from the middle of a block of nodes within which a face can touch one of them."""
 
@@ -20,8 +16,8 @@ REACH = FACE + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
 @ti.kernel
 def cache_static_contact(static_contact: ti.template(), shape: ti.template(), owner: ti.i32, is_first: ti.i32,
                          pose: ti.types.ndarray(), origin: ti.types.vector(3, ti.f64), cell: ti.f64,
-                         on_gpu: ti.template(), skips_edges: ti.template()):
-    """Store normal and distance (n, phi) of a collider that never moves, at the nodes inside it or on its face.
+                         on_gpu: ti.template()):
+    """Store normal and distance (n, phi) of a collider that never moves, at nodes inside it or up to a cell in front.
     is_first: what the nodes held before is forgotten."""
     ti.loop_config(serialize=not on_gpu)
     for block in ti.grouped(static_contact.owned):
@@ -36,9 +32,7 @@ def cache_static_contact(static_contact: ti.template(), shape: ti.template(), ow
         y = R.transpose() @ (ti.cast(I, ti.f64) * cell + origin - c)
         n, phi = shape.at(y)
         is_closest = static_contact.owner[I] == 0 or phi < static_contact.plane[I][3]
-        if ti.static(skips_edges):
-            is_closest = is_closest and not is_at_edge(shape, y, n, phi, cell)
-        if phi < FACE * cell and is_closest:
+        if phi < cell and is_closest and not is_at_edge(shape, y, n, phi, cell):
             world = R @ n
             static_contact.plane[I] = ti.Vector([world[0], world[1], world[2], phi])
             static_contact.owner[I] = owner + 1
@@ -134,21 +128,13 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
         if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + FACE * fields.cell) ** 2):
             y = R.transpose() @ r
             if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
-                normal, phi = fields.colliders[index].sdf.at(y)
-                touches = phi < ti.static(FACE * fields.cell)
-                if touches:
-                    if ti.static(fields.features.touching):
-                        normal, _way, _n = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y,
-                                                        normal, phi)
-                        touches = normal.norm_sqr() > 0
-                    else:
-                        normal = R @ normal
-                if touches:
+                surface = surface_velocity(step.motion, k, step.row, r)
+                normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y)
+                if normal.norm_sqr() > 0:
                     if ti.static(fields.mobile_place[index] >= 0):
                         list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
                     else:
-                        new = coulomb(v, surface_velocity(step.motion, k, step.row, r), normal,
-                                      fields.parameters.frictions[index])
+                        new = coulomb(v, surface, normal, fields.parameters.frictions[index])
                         credit(step.out, fields.rows.first_collider + index, place, mass * (new - v))
                         v = new
     return v
@@ -163,10 +149,7 @@ def collide_with_static(fields: ti.template(), step: ti.template(), I, before, m
     if owner > 0:
         contact = fields.static_contact.plane[J]
         normal = ti.Vector([contact[0], contact[1], contact[2]])
-        touches = True
-        if ti.static(fields.features.touching):
-            touches = touches_static(fields, GRID_NODES, 0, I, normal, contact[3])
-        if touches:
+        if contact[3] < FACE * fields.cell and touches_static(fields, GRID_NODES, 0, I, normal):
             new = coulomb(v, v * 0.0, normal, fields.parameters.frictions[owner - 1])
             credit(step.out, fields.rows.first_collider + owner - 1, place, mass * (new - v))
             v = new

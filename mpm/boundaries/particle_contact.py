@@ -4,14 +4,19 @@ keeps the material's edge there. It takes the approach velocity, and adds what b
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
-from mpm.boundaries.facing import is_at_edge
 from mpm.boundaries.mobile_contact import reduce_by_compliance
+from mpm.boundaries.periodic import home_node
 from mpm.state.active_blocks import mark_place
 from mpm.state.contact_fields import rank_of, sort_by_part, take_place
 from mpm.state.ledger import credit
+from mpm.state.nodes import stencil
 from mpm.state.packs import LANES, is_active, lowest_bit, pack_at, packs_of_body
-from mpm.state.particle_motion import drift_after, move_lane
+from mpm.state.particle_motion import BACKSTOP, drift_after, move_lane, plane_at
 
+CONTACT_GAP = 0.02
+"""Cells between a particle's cube and a solid within which it touches. Grains at rest stay within 0.02."""
+NEARBY = 0.3
+"""Cells within which a particle can come to touch in half of a stride: strides end before any travels farther."""
 SOLID_RECOVERY = 0.01
 """Cells by which a particle is brought out of a solid in a stride: enough against the slow drift of a fluid towards a
 face (1e-3), too little to throw what a scene begins with inside a tool."""
@@ -29,7 +34,7 @@ def stop_penetration(fields: ti.template(), step: ti.template(), first, last):
             for place in range(begin, end):
                 q = pack_at(fields, place)
                 for k, index in ti.static(enumerate(fields.features.moving_solids)):
-                    near = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k])
+                    near = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k], 0.0)
                     while near > 0:
                         lane = lowest_bit(near)
                         near -= 1 << lane
@@ -38,6 +43,55 @@ def stop_penetration(fields: ti.template(), step: ti.template(), first, last):
                         else:
                             stop_particle(fields, fields.particles, step, k, index, axes[k], places[k], q, lane, dt,
                                           fields.parameters.densities[body])
+
+
+@ti.func
+def note_touching(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: where a stride begins, note the nodes of those particles of packs first .. last - 1 that touch a solid.
+    Particles touch where their cubes come within `CONTACT_GAP`, or do so in half of the rest of the stride."""
+    if step.transfer_mass > 0:
+        time = 0.5 * (step.stride - step.dt)
+        places = [once(collider_origin(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
+        axes = [once(collider_axes(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
+        for place in range(first, last):
+            q = pack_at(fields, place)
+            touching = 0
+            for k, index in ti.static(enumerate(fields.features.moving_solids)):
+                near = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k], NEARBY)
+                while near > 0:
+                    lane = lowest_bit(near)
+                    near -= 1 << lane
+                    x, v, half = lane_of(fields.particles, q, lane)
+                    r = ti.Vector([x[d] + fields.origin[d] - places[k][d] for d in range(3)])
+                    n_t, phi = fields.colliders[index].sdf.at(axes[k].transpose() @ r)
+                    approach = (v - surface_velocity(step.motion, k, step.row, r)).dot(axes[k] @ n_t)
+                    if phi + time * ti.min(approach, 0.0) < half + CONTACT_GAP * fields.cell:
+                        touching |= 1 << lane
+            if ti.static(len(fields.features.static_colliders) > 0):
+                for lane in range(LANES):
+                    x, v, half = lane_of(fields.particles, q, lane)
+                    owner, n, barrier = plane_at(fields, x)
+                    phi = n.dot(x) - barrier + BACKSTOP * fields.cell
+                    if owner > 0 and half > 0 and is_active(fields, q, lane) \
+                            and phi + time * ti.min(v.dot(n), 0.0) < half + CONTACT_GAP * fields.cell:
+                        touching |= 1 << lane
+            while touching > 0:
+                lane = lowest_bit(touching)
+                touching -= 1 << lane
+                x, _v, _h = lane_of(fields.particles, q, lane)
+                base, _f = stencil(fields.grid, [x[d] / fields.cell for d in range(3)])
+                for a, b, c in ti.static(ti.ndrange(3, 3, 3)):
+                    J = ti.Vector([base[0] + a, base[1] + b, base[2] + c])
+                    if ti.static(fields.is_periodic):
+                        J = home_node(fields, J)
+                    fields.grid.touching[J] = step.stamp
+
+
+@ti.func
+def lane_of(P: ti.template(), q, lane):
+    """Return place [m] (3,), velocity [m/s] (3,) and half of the edge [m] of one lane of pack q."""
+    return ti.Vector([P.x[d][q][lane] for d in range(3)]), ti.Vector([P.v[d][q][lane] for d in range(3)]), \
+        P.half[q][lane]
 
 
 @ti.func
@@ -80,18 +134,19 @@ def stop_penetrating(fields: ti.template(), step: ti.template(), first, last):
 
 
 @ti.func
-def find_near_lanes(fields: ti.template(), P: ti.template(), index: ti.template(), q, R, place):
-    """Return the lanes of pack q, one bit each, whose cubes may touch a solid at R, place; most are far away."""
+def find_near_lanes(fields: ti.template(), P: ti.template(), index: ti.template(), q, R, place, room: ti.template()):
+    """Return the lanes of pack q, one bit each, whose cubes may come within `room` cells of a solid at R, place; most
+    are far away."""
     d2 = (P.x[0][q] + fields.origin[0] - place[0]) ** 2 + (P.x[1][q] + fields.origin[1] - place[1]) ** 2 \
         + (P.x[2][q] + fields.origin[2] - place[2]) ** 2
     near = 0
-    if d2.min() < ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2):
-        half = P.half[q]
+    if d2.min() < ti.static((fields.colliders[index].sdf.radius + (0.5 + room) * fields.cell) ** 2):
+        half = P.half[q] + ti.static(room * fields.cell)
         r = [once(P.x[d][q] + (fields.origin[d] - place[d])) for d in range(3)]
         z = [once(R[0, d] * r[0] + R[1, d] * r[1] + R[2, d] * r[2]) for d in range(3)]
         for l in ti.static(range(LANES)):
             y = ti.Vector([z[d][l] for d in range(3)])
-            if half[l] > 0 and is_active(fields, q, l) and not fields.colliders[index].sdf.is_beyond(y, half[l]):
+            if P.half[q][l] > 0 and is_active(fields, q, l) and not fields.colliders[index].sdf.is_beyond(y, half[l]):
                 near |= 1 << l
     return near
 
@@ -106,10 +161,7 @@ def stop_particle(fields: ti.template(), P: ti.template(), step: ti.template(), 
     y = R.transpose() @ r
     if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2):
         n_t, phi = fields.colliders[index].sdf.at(y)
-        is_pushed = phi < half
-        if ti.static(fields.features.touching):
-            is_pushed = is_pushed and not is_at_edge(fields.colliders[index].sdf, y, n_t, phi, fields.cell)
-        if is_pushed:
+        if phi < half:
             v = ti.Vector([P.v[d][q][lane] for d in range(3)])
             normal = R @ n_t
             approach = (v - surface_velocity(step.motion, k, step.row, r)).dot(normal)

@@ -8,7 +8,7 @@ from mpm.state.active_blocks import mark_place, note_reached
 from mpm.state.contact_fields import take_place
 from mpm.state.ledger import credit
 from mpm.state.packs import LANES, read_lane
-from mpm.state.particle_motion import credit_wall, drift_after, keep_inside, kept_off_walls, move_lane
+from mpm.state.particle_motion import drift_after, keep_inside, move_lane, stop_at_barriers
 from mpm.state.stencil import NodeValues, ShellLayers, gather, moments, scatter, scatter_shift, weights
 
 WATCHED = 1.3
@@ -50,12 +50,9 @@ def gather_across_shells(fields: ti.template(), step: ti.template(), first, last
         for r in ti.static(range(3)):
             for c in ti.static(range(3)):
                 fields.particles.C[3 * r + c][slot[0]][slot[1]] = gradient * (moment[c][r] - v[r] * f[c])
-            if ti.static(len(fields.wall_conditions) > 0) and dt > 0:
-                x = place_on_list(fields, n)
-                kept = kept_off_walls(fields, r, x[r], v[r], dt)
-                if kept != v[r]:
-                    credit_wall(fields, step, r, x, fields.shells.mass[n] * (kept - v[r]))
-                    v[r] = kept
+        if dt > 0:
+            v = stop_at_barriers(fields, step, place_on_list(fields, n), v, fields.shells.mass[n], dt)
+        for r in ti.static(range(3)):
             fields.particles.v[r][slot[0]][slot[1]] = v[r]  # not the pack: another thread may hold a lane of it
         if dt > 0:
             entered = find_entered(fields, fields.particles, step, dt, place_on_list(fields, n), v, side, slot)

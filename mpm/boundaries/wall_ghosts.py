@@ -5,7 +5,6 @@ first order. A column (mirror node, wall node, ghost node) that pulls away from 
 Periodic sides come first and leave last: their outer nodes are images of inner ones."""
 
 from mpm.backend import ti
-from mpm.boundaries.facing import distance_to_material
 from mpm.scene.grid import BLOCK, GHOST
 from mpm.scene.walls import IS_FREE, IS_PERIODIC
 from mpm.state.ledger import WALL_ROW, add, position
@@ -17,6 +16,11 @@ rest on it, has 0.016; with 0.1, a block that is thrown up and lands lies 3 to 5
 CLOSE = 0.05
 """Mass of a ghost relative to its wall node from which a grain is nearer than material that lies at the wall, where it
 is 0.04, and 0.03 on a lattice of two grains a cell. Grains in a gap of others would be squeezed through the wall."""
+
+
+SURFACE_DISTANCE = ((0.0, 1.5, -12.5), (0.04, 1.0, -3.125), (0.2, 0.5, -1.613), (0.51, 0.0, -1.53))
+"""Mass of a node relative to that of the next one along the normal, distance [cells] from the node to the material's
+surface, and its slope up to the next row: by the B-splines of a filled half space."""
 
 
 class NoTape:
@@ -106,6 +110,16 @@ def lies_at_wall(fields: ti.template(), step: ti.template(), W, behind, ghost, a
         sides = [fields.shells.side[in_first_layer(fields.grid, I)] for I in (W, behind)]
         result = result or sides[0] != sides[1]
     return result
+
+
+@ti.func
+def distance_to_material(share):
+    """Return the distance [cells] from a node to the material's surface, by `SURFACE_DISTANCE`."""
+    cells = 0.0 * share
+    for least, cells_there, slope in ti.static(SURFACE_DISTANCE):
+        if share >= least:
+            cells = cells_there + slope * (share - least)
+    return cells
 
 
 @ti.func

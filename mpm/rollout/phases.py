@@ -18,7 +18,8 @@ from mpm.stepping.phases import phases_of
 ADJOINTS: dict[str, Callable | None] = {
     "label nodes": None, "label particles": None, "list particles": None, "start nodes": start_nodes_back,
     "scatter": scatter_back, "scatter across shells": None,
-    "fold walls": fold_walls_back, "update nodes": update_nodes_back, "unfold walls": unfold_walls_back,
+    "fold walls": fold_walls_back, "note touching particles": None, "update nodes": update_nodes_back,
+    "unfold walls": unfold_walls_back,
     "start block list": None, "check speeds": None, "gather": gather_back, "gather across shells": None,
     "stop at shells": stop_at_shells_back, "stop penetration": stop_penetration_back}
 """Name of a phase -> its adjoint; None: nothing that it changes has a derivative, or that of another phase has it:
@@ -36,6 +37,7 @@ class ReverseStep(NamedTuple):
     dt: Any  # length of a substep [s]
     kick: Any  # time [s] for which nodes felt forces
     strain: Any  # time [s] for which the particles' state advanced first
+    stride: Any  # length of the stride [s]
     transfer_mass: Any  # 1 where nodes took momentum and mass from the particles
     motion: Any  # motion table (1, n, COLUMNS) of the tool
     motion_bar: Any  # its adjoint (n, COLUMNS), added to

@@ -40,8 +40,6 @@ class Features:
     """Indices of static colliders."""
     sleep: bool
     """Particles at rest fall asleep."""
-    touching: bool
-    """Solids stop only material that touches one of their faces."""
     orifices: tuple[tuple[int, int], ...]
     """Index of a shell with small holes, and how many it has."""
     cell_rates: bool
@@ -49,6 +47,11 @@ class Features:
 
     serial: bool
     """Whether one thread advances the scene; otherwise several threads or a GPU."""
+
+    @property
+    def solids(self) -> bool:
+        """Whether a collider is solid."""
+        return bool(self.moving_solids or self.static_colliders)
 
     @property
     def moving_colliders(self) -> tuple[int, ...]:
@@ -101,8 +104,7 @@ def features_of(scene: Scene, numerics: Numerics, *, strides: bool = True, body_
                     moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
                     shells=tuple(i for i in range(len(colliders)) if thin[i]), mobile=mobile,
                     static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]), sleep=sleep,
-                    touching=numerics.contact == "touching" and any(not t for t in thin), orifices=orifices,
-                    cell_rates=_has_cell_rates(bodies, sleep))
+                    orifices=orifices, cell_rates=_has_cell_rates(bodies, sleep))
 
 
 def _has_cell_rates(bodies: list[Body], sleep: bool) -> bool:

@@ -16,9 +16,6 @@ from mpm.scene.validation import check_finite, describe
 from mpm.scene.walls import Walls
 
 Interval = float | Literal["strides"] | None  # accepted values of `Numerics.transfer_interval`
-Contact = Literal["near", "touching"]
-CONTACTS = ("near", "touching")
-"""Nodes that a solid stops: all that are near it, or those whose material touches one of its faces."""
 LARGEST_SLEEP = 100.0  # largest accepted value of `Numerics.sleep`
 DOWN = (0.0, 0.0, -9.81)  # default gravity [m/s^2]
 
@@ -32,11 +29,8 @@ class Numerics:
     integrator: str | None = None
     transfer_interval: Interval = None
     sleep: bool | float = False
-    contact: Contact = "near"
 
     def __post_init__(self) -> None:
-        if self.contact not in CONTACTS:
-            raise UnknownName("contact", self.contact, CONTACTS)
         is_number = isinstance(self.sleep, int | float | np.number) and not isinstance(self.sleep, bool | np.bool_)
         if not isinstance(self.sleep, bool | np.bool_) and not (is_number and 0 < self.sleep <= LARGEST_SLEEP):
             raise InvalidValue(f"Solver: sleep = {self.sleep!r}; accepted: False, True (1), or a factor on its "

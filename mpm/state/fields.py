@@ -136,7 +136,8 @@ def allocate_fields(scene: Scene, features: Features) -> Fields:
     grid, bodies, colliders, parts = scene.grid, scene.bodies, scene.colliders, count_parts(features)
     precision = features.precision
     particles = ParticleFields(tuple(len(body.positions) for body in bodies), features)
-    nodes = GridFields(grid, precision, 2 if features.shells else 1, features.serial, parts)
+    nodes = GridFields(grid, precision, 2 if features.shells else 1, features.serial, parts,
+                       features.solids)
     target = nodes.nodes
     if parts:
         nx, ny, nz = nodes.nodes.shape

@@ -1,8 +1,9 @@
 """Motion of the particles: displacements, compensated in single precision, walls, and the blocks that they reach.
-A wall acts on columns of nodes. A single grain in a gap of others, near an edge of two walls, weighs too little in its
-column to be seen, and its neighbours would squeeze it through the wall: `BACKSTOP` is the last barrier."""
+Walls and solids act on nodes. A single grain in a gap of others, near an edge of two walls, weighs too little at its
+nodes to be seen, and its neighbours would squeeze it through the wall: `BACKSTOP` is the last barrier."""
 
 from mpm.backend import ti
+from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import mark_pack
 from mpm.state.ledger import WALL_ROW, credit
 from mpm.state.packs import LANES, pack_at
@@ -11,7 +12,8 @@ NEAREST = 0.499
 """Quanta by which a displacement is moved away from zero before it is truncated, so that it is rounded to the nearest.
 With a half, a remainder of just that would move a particle at rest to and fro."""
 BACKSTOP = 0.05
-"""Distance [cells] from a wall that can be left at which a grain is stopped. One of four a cell rests 0.125 off."""
+"""Distance [cells] from a wall that can be left, or a static solid, at which a grain is stopped. One of four a cell
+rests 0.125 off."""
 
 
 @ti.func
@@ -124,23 +126,76 @@ def kept_off_walls(fields: ti.template(), axis: ti.template(), x, v, dt):
 
 
 @ti.func
-def stop_pack_at_walls(fields: ti.template(), P: ti.template(), step: ti.template(), q, v: ti.template(), dt):
-    """Limit the velocity of pack q, which is about to move for dt [s]; credit the walls."""
-    for d in ti.static(range(3)):
-        kept = kept_off_walls(fields, d, P.x[d][q], v[d], dt)
-        for l in range(LANES):
-            if kept[l] != v[d][l] and P.volume[q][l] > 0.0 and not is_at_shell(fields, P, q, l):
-                mass = P.volume[q][l] * density_of(fields, q)
-                credit_wall(fields, step, d, ti.Vector([P.x[r][q][l] for r in range(3)]), mass * (kept[l] - v[d][l]))
-                v[d][l] = kept[l]
+def plane_at(fields: ti.template(), x):
+    """Return the index plus one, 0 for none, of the static solid at a particle at x [m] (3,), its normal n (3,), and
+    the barrier in front of it, where n . place is so much [m]; as they are at the closest node."""
+    I = ti.cast(x / fields.cell + 0.5, ti.i32)
+    owner, n, barrier = 0, 0.0 * x, 0.0 * x[0]
+    if fields.static_contact.owned[I // BLOCK] > 0:
+        owner = fields.static_contact.owner[I]
+        plane = fields.static_contact.plane[I]
+        n = ti.Vector([plane[0], plane[1], plane[2]])
+        barrier = n.dot(ti.cast(I, fields.real)) * fields.cell - plane[3] + BACKSTOP * fields.cell
+    return owner, n, barrier
 
 
 @ti.func
-def credit_wall(fields: ti.template(), step: ti.template(), axis: ti.template(), x, impulse):
-    """Credit the impulse [N s] on a particle at x [m] along an axis to the wall from which it points away."""
+def push_off(n, barrier, x, v, dt):
+    """Return the velocity [m/s] along n that keeps what is at x [m] and moves with v [m/s] (3,) for dt [s] from coming
+    closer than a barrier, see `plane_at`, or closer than it is."""
+    return ti.max(ti.min(barrier - n.dot(x), 0.0) / dt - v.dot(n), 0.0)
+
+
+@ti.func
+def stopped_velocity(fields: ti.template(), x, v, dt):
+    """Return the velocity [m/s] (3,) that walls and static solids leave a particle at x [m] that moves for dt [s]."""
+    u = v
+    for d in ti.static(range(3)):
+        u[d] = kept_off_walls(fields, d, x[d], v[d], dt)
+    if ti.static(len(fields.features.static_colliders) > 0):
+        owner, n, barrier = plane_at(fields, x)
+        if owner > 0:
+            u += push_off(n, barrier, x, u, dt) * n
+    return u
+
+
+@ti.func
+def stop_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q, v: ti.template(), dt):
+    """Limit the velocity of pack q, which is about to move for dt [s], as walls and static solids do; credit them."""
+    change = 0.0 * v[0]
+    for d in ti.static(range(3)):
+        change += ti.abs(kept_off_walls(fields, d, P.x[d][q], v[d], dt) - v[d])
+    for l in range(LANES):
+        if (ti.static(len(fields.features.static_colliders) > 0) or change[l] > 0.0) \
+                and P.volume[q][l] > 0.0 and not is_at_shell(fields, P, q, l):
+            x, u = ti.Vector([P.x[d][q][l] for d in range(3)]), ti.Vector([v[d][l] for d in range(3)])
+            kept = stop_at_barriers(fields, step, x, u, P.volume[q][l] * density_of(fields, q), dt)
+            for d in ti.static(range(3)):
+                v[d][l] = kept[d]
+
+
+@ti.func
+def stop_at_barriers(fields: ti.template(), step: ti.template(), x, v, mass, dt):
+    """Return `stopped_velocity` of a particle of a mass [kg]; credit the walls and static solids."""
+    u, place = v, ti.cast(x, ti.f64) + fields.world_origin()
+    for d in ti.static(range(3)):
+        u[d] = kept_off_walls(fields, d, x[d], v[d], dt)
+        if u[d] != v[d]:
+            credit_wall(fields, step, d, place, mass * (u[d] - v[d]))
+    if ti.static(len(fields.features.static_colliders) > 0):
+        owner, n, barrier = plane_at(fields, x)
+        push = push_off(n, barrier, x, u, dt)
+        if owner > 0 and push > 0:
+            credit(step.out, fields.rows.first_collider + owner - 1, place, mass * push * n)
+            u += push * n
+    return u
+
+
+@ti.func
+def credit_wall(fields: ti.template(), step: ti.template(), axis: ti.template(), place, impulse):
+    """Credit the impulse [N s] on a particle at a place [m] along an axis to the wall from which it points away."""
     p = ti.Vector.zero(ti.f64, 3)
     p[axis] = impulse
-    place = ti.cast(x, ti.f64) + fields.world_origin()
     wall = fields.rows.walls + 2 * axis + ti.cast(impulse < 0, ti.i32)
     for row in ti.static(range(2)):
         credit(step.out, WALL_ROW if row == 0 else wall, place, p)

@@ -70,7 +70,7 @@ class ParticleFields:
         self.rest_place = [pack_field() for _ in range(4)] if features.sleep else []
         """Position [m] and change of volume at the begin of that time."""
         self.volume = pack_field()  # initial volume V0 [m^3]; zero in padding lanes
-        self.half = pack_field() if features.moving_solids or features.shells else None
+        self.half = pack_field() if features.static_colliders or features.moving_colliders else None
         """Half the edge of a particle's cube [m]; zero in padding lanes."""
         self.volumes = VolumeWriter(self)
         self.index = np.zeros(sum(counts), int)  # slot of each particle, in the order in which the bodies gave them

@@ -72,7 +72,7 @@ class Core:
             collider = self.scene.colliders[i]
             place = np.concatenate([collider.pose.position, collider.pose.matrix.ravel()])
             cache_static_contact(fields.static_contact, collider.sdf, i, i == static[0], place, origin, cell,
-                                 is_shared(), self.features.touching)
+                                 is_shared())
 
     @property
     def fields(self) -> Fields:

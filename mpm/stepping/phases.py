@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 from mpm.boundaries.mobile_contact import solve_mobile_contact
 from mpm.boundaries.node_contact import update_nodes
 from mpm.boundaries.orifice_flow import pass_orifices
-from mpm.boundaries.particle_contact import order_penetrating, stop_penetrating, stop_penetration
+from mpm.boundaries.particle_contact import note_touching, order_penetrating, stop_penetrating, stop_penetration
 from mpm.boundaries.periodic import activate_home_nodes, fold_periodic, mark_images, unfold_periodic
 from mpm.boundaries.shell_sides import label_nodes, label_particles, list_particles
 from mpm.boundaries.shell_transfer import gather_across_shells, order_entering, scatter_across_shells, stop_at_shells
@@ -121,6 +121,7 @@ ORDER = (
     Phase("fold periodic sides", "blocks", fold_periodic, *PERIODIC),
     Phase("mark images", "blocks", mark_images, *PERIODIC),
     Phase("fold walls", "walls", fold_walls, *WALL),
+    Phase("note touching particles", "packs", note_touching, lambda f: f.features.solids, "a solid"),
     Phase("update nodes", "blocks", update_nodes, *ALWAYS),
     Phase("solve mobile contact", "team", solve_mobile_contact, *MOBILE),
     Phase("unfold walls", "walls", unfold_walls, *WALL),

@@ -5,7 +5,7 @@ from mpm.state.active_blocks import list_row
 from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES, active_lanes, lowest_bit, pack_at
-from mpm.state.particle_motion import drift_after, mark_active_lanes, move_pack, stop_pack_at_walls
+from mpm.state.particle_motion import drift_after, mark_active_lanes, move_pack, stop_pack
 from mpm.state.particles import SPEED_LIMIT
 from mpm.state.stencil import NodeValues, SingleLayer, gather, lane_weights, moments, weights
 
@@ -44,8 +44,8 @@ def gather_and_move(fields: ti.template(), P: ti.template(), step: ti.template()
         for r in ti.static(range(3)):
             for c in ti.static(range(3)):
                 P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
-        if ti.static(len(fields.wall_conditions) > 0) and dt > 0:
-            stop_pack_at_walls(fields, P, step, q, v, dt)
+        if ti.static(len(fields.wall_conditions) > 0 or len(fields.features.static_colliders) > 0) and dt > 0:
+            stop_pack(fields, P, step, q, v, dt)
         for r in ti.static(range(3)):
             P.v[r][q] = v[r]
         if dt > 0:

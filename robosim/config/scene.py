@@ -1,6 +1,6 @@
 """Configuration of a scene's places and of the grains' numerics."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pydantic
@@ -121,15 +121,6 @@ class FieldConfig(Table):
     sleep: bool | Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """Whether grains at rest fall asleep and cost nothing; a number is a factor on the thresholds; null: true in a
     rehearsal on a CPU, false in an environment and on a GPU."""
-    contact: Literal["near", "touching"] = "near"
-    """What a solid stops: near: all grains within half a cell; touching: those that lie at one of its faces. The first
-    is what the bundled motions were made with; shells are as before."""
-
-    @pydantic.model_serializer(mode="wrap")
-    def _serialize(self, standard: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out the usual contact: what has been learned on a task stays of use."""
-        values = standard(self)
-        return {name: value for name, value in values.items() if name != "contact" or value != "near"}
 
     @property
     def grid(self) -> "mpm.Grid":

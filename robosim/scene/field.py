@@ -70,7 +70,7 @@ def build_field(scene: SceneConfig, law: Law, tool_pose: mpm.Pose,
         return mpm.Solver(grid=field.grid, bodies=[mpm.Body(law, grains.positions, volume=grains.volume,
                                                             stress=stress)],
                           colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=dt,
-                          transfer_interval=field.transfer_interval, sleep=sleeps, contact=field.contact)
+                          transfer_interval=field.transfer_interval, sleep=sleeps)
 
 
 def build_tool_lattice(scene: SceneConfig) -> Lattice:

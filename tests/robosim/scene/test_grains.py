@@ -1,7 +1,5 @@
 """Initial positions of the grains, and the checks of what can be filled."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from robosim.base.resources import folder
 from robosim.config.materials import Law, load_material
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.scene import ContainerConfig
-from robosim.config.table import validate
 from robosim.envs import TASKS
 from robosim.scene.field import build_field, build_tool_lattice, check_field
 from robosim.scene.grains import container_region, fill, is_in_container, leave_out_buried
@@ -54,19 +51,6 @@ def test_nothing_begins_with_grains_in_a_solid(name: str) -> None:
     config, place = (load_rehearsal(name), PLACE) if task is None else (task, task.start.pose)
     with build_field(config, salt(), place) as solver:
         assert len(solver.positions()) > 100 if task is None else len(solver.positions()) == task.grains.count
-
-
-@pytest.mark.parametrize("given", [{}, {"contact": "touching"}])
-def test_a_file_sets_the_contact_of_rehearsals_and_sub_tasks(given: dict) -> None:
-    """The key reaches the solver; where it is left at the default, a file's digest is what it was without the key."""
-    contact = given.get("contact", "near")
-    for file in (load_rehearsal("spoon"), load_task("SpoonScoop")):
-        table = file.model_dump() | {"field": file.field.model_dump() | given}
-        config = validate(table, Path("test"), type(file))
-        assert config.field.contact == contact
-        assert ("contact" in config.field.model_dump(mode="json")) == (contact == "touching")
-        with build_field(config, salt(), PLACE) as solver:
-            assert solver.numerics.contact == contact and solver.features.touching == (contact == "touching")
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in (folder("models") / "containers").glob("*.xml")))

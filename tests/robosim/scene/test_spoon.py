@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mpm
-from mpm.scene.scene import CONTACTS, Contact
 from robosim.scene.field import build_tool_sdf
 
 CELL = 0.005
@@ -12,24 +11,22 @@ BOWL = np.array([0.035, 0.025, 0.030])
 """Half axes [m] of the spoon's cavity."""
 
 
-def filled_spoon(offset: np.ndarray, contact: Contact) -> tuple[mpm.Solver, mpm.Pose]:
+def filled_spoon(offset: np.ndarray) -> tuple[mpm.Solver, mpm.Pose]:
     pose = mpm.Pose(np.array([0.1, 0.1, 0.1]) + offset, np.array([1.0, 0, 0, 0]))
     lattice = mpm.sample_box(-BOWL, [BOWL[0], BOWL[1], 0.0], CELL / 2, np.random.default_rng(0))
     inside = lattice[(((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0) & (lattice[:, 2] < -0.008)]
     salt = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1217.0, friction_angle_deg=33.0)
     return mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (0.22, 0.2, 0.2), CELL), contact=contact,
+        grid=mpm.Grid((0, 0, 0), (0.22, 0.2, 0.2), CELL),
         bodies=[mpm.Body(salt, pose.apply(inside), volume=(CELL / 2) ** 3)],
         colliders=[mpm.Collider(build_tool_sdf("spoon", 0.0025), friction=0.1, pose=pose)]), pose
 
 
-@pytest.mark.parametrize(("seed", "contact"), [
-    (0, "near"), (0, "touching"),
-    *(pytest.param(seed, contact, marks=pytest.mark.slow) for seed in (1, 2) for contact in CONTACTS)])
-def test_no_grain_leaks_at_rest_or_shaken(seed: int, contact: Contact) -> None:
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
+def test_no_grain_leaks_at_rest_or_shaken(seed: int) -> None:
     """At rest for 0.2 s, then shaken by 3 mm at 8 Hz: every grain stays in the bowl; at rest the load is the weight."""
     offset = np.random.default_rng(seed).uniform(-CELL, CELL, 3)
-    solver, start = filled_spoon(offset, contact)
+    solver, start = filled_spoon(offset)
     weight = solver.masses().sum() * 9.81
     pose, forces = start, []
     for step in range(250):

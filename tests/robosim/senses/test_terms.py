@@ -112,7 +112,8 @@ def test_wrist_with_an_arm_is_mujocos_sensor():
 
 
 def test_scale_shows_what_was_poured_after_its_lag():
-    env = make("SpoonPour", obs=[{"name": "scale", "lag": 0.1, "repeatability": 0.0}], horizon="truncate")
+    longer = load_task("SpoonPour").model_copy(update={"steps": 1250})  # until all has landed
+    env = make("SpoonPour", task=longer, obs=[{"name": "scale", "lag": 0.1, "repeatability": 0.0}], horizon="truncate")
     _, info, seen = play(env, options={"nominal": True})
     shown, load = np.array([float(one["scale"][0]) for one in seen]), env.solver.masses().sum()
     landed = info["readings"]["delivered"] * load

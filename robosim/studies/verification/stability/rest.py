@@ -76,7 +76,7 @@ SCENES: dict[str, Callable[[], mpm.Solver]] = {
     **{f"{share} x {stride}": partial(build, share=share, stride=stride) for share, stride in (
         (0.83, 2), (0.83, 3), (0.83, 6), (0.83, 12), (0.75, 3), (0.75, 4), (0.75, 5), (0.72, 4), (0.66, 4), (0.65, 5),
         (0.6, 4), (0.6, 5), (0.5, 6), (0.3, 12))},
-    "single substeps": partial(build, transfer_interval=0.0), "touching": partial(build, contact="touching"),
+    "single substeps": partial(build, transfer_interval=0.0),
     "neo-Hookean": partial(build, mpm.Elastic(E=3e5, nu=0.25, density=DENSITY, model="neo_hookean"), settled=False),
     "nu 0": partial(build, mpm.Elastic(E=3e5, nu=0.0, density=DENSITY)),
     "nu 0.499": partial(build, mpm.Elastic(E=3e5, nu=0.499, density=DENSITY)),

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 import mpm
-from mpm.scene.scene import Contact
 from robosim.coupling.plugin import Coupling
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within, each_within
@@ -26,7 +25,6 @@ LOWERED, RESTS = 0.25, 0.1
 """[s]: how long motion is damped; and how long the height is averaged."""
 STARTS, MASSES = ("flush", "lowered"), (0.1, 0.25, 2.5, 5.0)
 LEVEL = {"bed": "sand", "incline_deg": 0.0, "friction": 0.0}
-TOUCHING = {"contact": "touching"}
 SLIDE_BED = (0.32, 0.16, 0.032)
 SLIDER, HEIGHT = 0.096, 0.03
 """Of the block that slides [m], which is so large that sand bears 5 kg."""
@@ -38,15 +36,12 @@ START, SPEED = 0.08, 0.2
 
 @case(
     source="statics: reaction m g; settlement of a bar of Poisson's ratio 0: m g L / (E A)",
-    sweep=[*grid(bed=BEDS, coupling=("mobility", "lagged"), offset_cells=(0.0, 0.5)),
-           *grid(bed=BEDS, contact=("touching",))],
+    sweep=[*grid(bed=BEDS, coupling=("mobility", "lagged"), offset_cells=(0.0, 0.5))],
     quick=[{"bed": "elastic", "coupling": "mobility", "offset_cells": 0.0}],
-    expectations=[one for contact in ("near", "touching") for one in each_within(
-        {"reaction": 0.01, "settlement": 0.05, "drift": 1e-4}, {"coupling": "mobility", "contact": contact})],
+    expectations=each_within({"reaction": 0.01, "settlement": 0.05, "drift": 1e-4}, {"coupling": "mobility"}),
     main_error="reaction", units={"drift": "m/s"})
 def block_at_rest(*, bed: str = "elastic", coupling: Coupling = "mobility", cell: float = 0.01,
-                  offset_cells: float = 0.0, precision: str = "f32", mass: float = MASS,
-                  contact: Contact = "near") -> Record:
+                  offset_cells: float = 0.0, precision: str = "f32", mass: float = MASS) -> Record:
     """Rigid block at rest on an elastic bed or on sand.
 
     Measured: relative errors of the mean reaction and, on an elastic bed, of the settlement; the drift [m/s] along the
@@ -59,7 +54,7 @@ def block_at_rest(*, bed: str = "elastic", coupling: Coupling = "mobility", cell
     width = SIDE + 2 * margin
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (width, width, 0.2), cell), precision=precision, walls=mpm.Walls.all("slip"),
-        bodies=[mpm.Body(law, positions, volume=SIDE**2 * height / len(positions))], contact=contact,
+        bodies=[mpm.Body(law, positions, volume=SIDE**2 * height / len(positions))],
         # an elastic bed bears the block alone, not itself: what settles is the block's doing
         body_acceleration=np.tile([0.0, 0.0, G], (len(positions), 1)) if elastic else None)
     half = SIDE / 2 + 2 * cell if elastic else 0.3 * SIDE
@@ -83,7 +78,7 @@ def block_at_rest(*, bed: str = "elastic", coupling: Coupling = "mobility", cell
     return timed.record(errors, ripple=np.std(forces) / weight, sunk_mm=1e3 * (height + 0.02 - places[-1][2]))
 
 
-def build_bed(kind: str, size: tuple[float, float, float], cell: float, *, headroom: float, contact: Contact,
+def build_bed(kind: str, size: tuple[float, float, float], cell: float, *, headroom: float,
               gravity: tuple[float, float, float] = (0.0, 0.0, -G), precision: str = "f32") -> mpm.Solver:
     """Build a bed that sticks to its walls, on which light bodies lie and slide.
 
@@ -94,7 +89,7 @@ def build_bed(kind: str, size: tuple[float, float, float], cell: float, *, headr
         mpm.DruckerPrager(E=3e5, nu=0.2, density=1500.0, friction_angle_deg=40.0)
     return mpm.Solver(grid=mpm.Grid((0.0, 0.0, 0.0), (length, width, top + headroom), cell), gravity=gravity,
                       bodies=[mpm.Body(law, positions, volume=length * width * top / len(positions))],
-                      walls=mpm.Walls.all("stick"), contact=contact, precision=precision,
+                      walls=mpm.Walls.all("stick"), precision=precision,
                       body_acceleration=np.tile(-np.array(gravity), (len(positions), 1)) if elastic else None)
 
 
@@ -102,20 +97,19 @@ def build_bed(kind: str, size: tuple[float, float, float], cell: float, *, headr
     source="statics: what is light lies on the bed; Hertz (1881): dent of a ball (9 F^2 / (16 R E*^2))^(1/3)",
     sweep=[*({"bed": b, "shape": s, "mass": m, "cell": c} for b in BEDS for s, m in (
                ("ball", 2e-4), ("ball", 1e-3), ("box", 1e-3), ("box", 0.1)) for c in CELLS),
-           *grid(bed=("sand",), shape=("ball", "box"), offset_cells=(0.3, 0.6)),
-           *grid(bed=("sand",), shape=("ball", "box"), contact=("near",))],
+           *grid(bed=("sand",), shape=("ball", "box"), offset_cells=(0.3, 0.6))],
     quick=grid(bed=("sand",), shape=("ball", "box")),
-    expectations=[Within("gap", 0.15, {"contact": "touching", "shape": s, "cell": c})
+    expectations=[Within("gap", 0.15, {"shape": s, "cell": c})
                   for s in ("ball", "box") for c in CELLS],
     main_error="gap", resolution="cell", units={"gap": "cells"})
 def rest_height(*, bed: str = "sand", shape: str = "ball", mass: float = 1e-3, cell: float = 0.008,
-                offset_cells: float = 0.0, contact: Contact = "touching", precision: str = "f32") -> Record:
+                offset_cells: float = 0.0, precision: str = "f32") -> Record:
     """Light ball or box at rest on a level bed, lowered from above.
 
     Measured: how far its lowest point is above the bed [cells]. A ball dents an elastic bed; it is so light that sand
     bears it. bed: "sand" or "elastic". shape: "ball" or "box". offset_cells: of the bed's top from a plane of nodes."""
     top, is_elastic, is_ball = DEPTH + offset_cells * cell, bed == "elastic", shape == "ball"
-    solver = build_bed(bed, (WIDTH, WIDTH, top), cell, headroom=0.06, contact=contact, precision=precision)
+    solver = build_bed(bed, (WIDTH, WIDTH, top), cell, headroom=0.06, precision=precision)
     below = RADIUS if is_ball else HALF[2]
     shape_of = f'type="sphere" size="{RADIUS}"' if is_ball else 'type="box" size="{} {} {}"'.format(*HALF)
     plugin = couple(one_body(f'{shape_of} mass="{mass}" friction="0.3"',
@@ -146,7 +140,6 @@ class Slide:
     coupling: Coupling = "mobility"
     offset_cells: float = 0.0
     """Of the bed's top from a plane of nodes."""
-    contact: Contact = "touching"
     incline_deg: float = 27.0
     """The block slides down by itself, or with 0 begins with `SPEED`; the drag is then over its weight, less that of
     its friction."""
@@ -158,15 +151,15 @@ class Slide:
            *grid(bed=BEDS, start=STARTS, cell=CELLS, friction=(0.0,)),
            *({**LEVEL, **one} for one in grid(start=STARTS, cell=CELLS, mass=(0.25, 5.0))),
            *grid(bed=BEDS, mass=(0.001,), start=STARTS), *grid(bed=BEDS, coupling=("lagged",)),
-           *grid(bed=BEDS, contact=("near",)), *grid(bed=("sand",), offset_cells=(0.3, 0.6))],
+           *grid(bed=("sand",), offset_cells=(0.3, 0.6))],
     quick=[{"bed": "sand", "start": "lowered"}, {"bed": "elastic", "friction": 0.0}, {**LEVEL, "start": "lowered"}],
     # with friction by the incline and by the block's lower face, and without; drag over the weight; the bed gives way
     # under a heavy block
-    expectations=(*(Within("acceleration", 0.05, {**TOUCHING, **one})
+    expectations=(*(Within("acceleration", 0.05, one)
                     for one in grid(bed=BEDS, start=STARTS, cell=CELLS)),
-                  *(Within("on_face", 0.05, {**TOUCHING, "bed": b}) for b in BEDS),
-                  Within("acceleration", 0.03, {**TOUCHING, "friction": 0.0}), Within("drag", 0.03, TOUCHING),
-                  *(Within("gap", 0.15, {**TOUCHING, "start": "lowered", "cell": c}) for c in CELLS)),
+                  *(Within("on_face", 0.05, {"bed": b}) for b in BEDS),
+                  Within("acceleration", 0.03, {"friction": 0.0}), Within("drag", 0.03),
+                  *(Within("gap", 0.15, {"start": "lowered", "cell": c}) for c in CELLS)),
     main_error="acceleration", resolution="cell", units={"gap": "cells"}, options=Slide)
 def sliding_block(run: Slide) -> Record:
     """Rigid block that slides down an incline of sand or elastic material, or along a level bed without friction.
@@ -178,7 +171,7 @@ def sliding_block(run: Slide) -> Record:
     cell, friction, angle = run.cell, run.friction, math.radians(run.incline_deg)
     gravity, is_level = (G * math.sin(angle), 0.0, -G * math.cos(angle)), run.incline_deg == 0.0
     top = SLIDE_BED[2] + run.offset_cells * cell
-    solver = build_bed(run.bed, (*SLIDE_BED[:2], top), cell, headroom=0.1, contact=run.contact, gravity=gravity)
+    solver = build_bed(run.bed, (*SLIDE_BED[:2], top), cell, headroom=0.1, gravity=gravity)
     heights = solver.bodies[0].positions[:, 2]
     height = top + HEIGHT / 2 + (1.5 * cell if run.start == "lowered" else 0.0)
     size = f"{SLIDER / 2} {SLIDER / 2} {HEIGHT / 2}"

@@ -3,7 +3,6 @@
 import numpy as np
 
 import mpm
-from mpm.scene.scene import Contact
 from robosim.config.materials import load_material
 from robosim.coupling.plugin import Coupling
 from robosim.scene.field import build_tool_sdf
@@ -60,7 +59,7 @@ WHEEL = """
     # of the force that is left to the grains
     expectations=each_within({"at_rest": 0.02, "accelerated": 0.02}), main_error="accelerated")
 def carried_load(*, material: str = "salt", acceleration: float = 2.0, cell: float = 0.005, thickness: float = 0.0025,
-                 coupling: Coupling = "mobility", contact: Contact = "near") -> Record:
+                 coupling: Coupling = "mobility") -> Record:
     """Full spoon, held still and then accelerated.
 
     Measured: relative error of the load on the wrist's force sensor, at rest and under acceleration [m/s^2]. thickness:
@@ -68,7 +67,7 @@ def carried_load(*, material: str = "salt", acceleration: float = 2.0, cell: flo
     lattice = mpm.sample_box(-BOWL, [BOWL[0], BOWL[1], 0.0], cell / 2)
     inside = lattice[(((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0) & (lattice[:, 2] < -0.008)]
     body = mpm.Body(load_material(material).make_law(), inside + [0.08, 0.06, 0.08], volume=(cell / 2) ** 3)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.12, 0.14), cell), bodies=[body], contact=contact,
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.12, 0.14), cell), bodies=[body],
                         colliders=[mpm.Collider(build_tool_sdf("spoon", thickness), friction=0.1)])
     plugin = couple(GANTRY.format(host_step=SPOON_STEP, mass=SPOON_MASS), solver, coupling, {"spoon": 0})
     data, mass, timed, errors = plugin.data, float(solver.masses().sum()), TimedSolver(solver), {}

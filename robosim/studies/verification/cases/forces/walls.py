@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 import mpm
-from mpm.scene.scene import Contact
 from robosim.studies.verification.cases.beds import SLICE, UPRIGHT, carry, courant_step, resting_body, set_up
 from robosim.studies.verification.cases.case import Comparison, Record, case, grid, make_record
 from robosim.studies.verification.cases.expectations import Power, Ratio, Within, each_within
@@ -105,7 +104,7 @@ def compare_wall(records: list[Record]) -> list[Comparison]:
     expectations=[Within("force", 0.08, {"state": s}) for s in ("active", "passive")],
     main_error="force", resolution="cells", compare=compare_wall)
 def retaining_wall(*, state: str = "active", cells: int = 20, phi_deg: float = PHI_DEG, stiffness: float = E,
-                   contact: Contact = "touching", precision: str = "f32") -> Record:
+                   precision: str = "f32") -> Record:
     """Smooth wall that holds sand: it gives way, or is pushed into it.
 
     Measured: relative error of the force on the wall, once it no longer changes. In plane strain the cone acts with the
@@ -120,7 +119,7 @@ def retaining_wall(*, state: str = "active", cells: int = 20, phi_deg: float = P
     timed, solver = set_up(resting_body(sand, positions, volume), (face + length, cell, 1.25 * HEIGHT), cell,
                            precision=precision,
                            colliders=[mpm.Collider(mpm.Sdf.box(tuple(half)), friction=0.0, pose=start)], walls=SLICE,
-                           contact=contact, gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
+                           gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
     timed.settle(0.05)
     way, speed, counted = MOTIONS[state]
     windows = round(abs(way) * HEIGHT / speed / WALL_WINDOW)
@@ -177,7 +176,7 @@ def silo_load(*, cells: int = 20, slenderness: float = 3.0, wall_friction: float
     timed, solver = set_up(resting_body(sand, positions, WIDTH * cell * height / len(positions)),
                            (WIDTH, cell, base + height + 4 * cell), cell, precision=precision,
                            colliders=[mpm.Collider(mpm.Sdf.box(tuple(half)), friction=0.0, pose=start)],
-                           contact="touching", walls=mpm.Walls(friction=wall_friction, lower=sides, upper=sides),
+                           walls=mpm.Walls(friction=wall_friction, lower=sides, upper=sides),
                            gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
     timed.settle(0.2)
     weight, windows, pushes = DENSITY * G * WIDTH * height * cell, round(WAY / SPEED / FLOOR_WINDOW), []
