@@ -17,7 +17,6 @@ from mpm.files import write
 from policies.learning.names import check_installed
 from policies.learning.options import to_words
 from policies.learning.presets import load_preset
-from policies.runs.pipeline_table import collect_rows, format_rows
 from robosim.base.files import write_json
 from robosim.base.input_files import differing_entries, read_json
 from robosim.base.jobs import read_last_line, start_command
@@ -107,11 +106,8 @@ class Pipeline:
                         process.terminate()
                 pool.shutdown()
                 self._progress.close()
-            rows = collect_rows(self.out, self.tasks, {task: self._training_folder(task) for task in self.tasks})
-            self._store(rows=rows)
             folder.failures += [f"{name}: {one['reason']}" for name, one in self.stages.items()
                                 if one["state"] != "finished"]
-        print(format_rows(rows))
         for name, stage in self.stages.items():
             if stage["state"] != "finished":
                 print(f"{stage['state']}: {name}: {stage['reason']} (robosim {' '.join(stage['arguments'])})",
@@ -187,10 +183,9 @@ class Pipeline:
             self._progress.update()
         return self.stages[name]["state"] == "finished"
 
-    def _store(self, name: str | None = None, rows: list[dict[str, Any]] | None = None, **stage: Any) -> None:
-        """Write pipeline.json, with a new state of a stage, or with the table's rows."""
+    def _store(self, name: str, **stage: Any) -> None:
+        """Write pipeline.json, with a new state of a stage."""
         with self._lock:
-            if name is not None:
-                self.stages[name] = stage
+            self.stages[name] = stage
             write_json(self._file, {"rehearsal": self.options.rehearsal, "method": self.options.method,
-                                    "options": self._shared_options, "stages": self.stages, "sub_tasks": rows or []})
+                                    "options": self._shared_options, "stages": self.stages})

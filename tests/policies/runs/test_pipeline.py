@@ -45,19 +45,14 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
             stdout.write("no such grain\n")
             stdout.flush()
             return ended(1)
-        if arguments[0] == "demo":
-            pipeline.write_json(make_folder(tmp_path, "demonstrations", arguments[1]) / "demonstrations.json", {
-                "demonstrations": [{"among grains of salt": {"tcs": 3.0}, "in clay": {"tcs": 9.0}}]})
         if arguments[0] == "train":
             folder = make_folder(Path(arguments[arguments.index("--out") + 1]))
             np.savez(folder / "best.npz", actions=np.zeros((2, 3)))
-            pipeline.write_json(folder / "status.json", {"replayed": {"tcs": 4.0}})
         return ended(0)
 
     monkeypatch.setattr(subprocess, "Popen", start)
     assert pipeline.Pipeline(options(tmp_path)).run() == 1
-    output = capsys.readouterr()
-    assert "failed: training of SpoonPour: no such grain" in output.err and "3.00           4.00" in output.out
+    assert "failed: training of SpoonPour: no such grain" in capsys.readouterr().err
     assert [arguments[0] for arguments in calls] == ["demo", "train"] * 3
     assert calls[0][calls[0].index("--from") + 1] == "script" and "--demos" in calls[1]
     calls.clear()
