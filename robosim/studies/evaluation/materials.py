@@ -4,25 +4,35 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
+
 from mpm.array_files import MAX_ARRAYS
 from robosim.base.digests import digest
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.files import write_rows
 from robosim.base.input_files import read_bytes
 from robosim.base.jobs import Launcher
-from robosim.base.output_folder import OutputFolder
+from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.study import Job, Study
 from robosim.config.materials import load_material
 from robosim.dosing import CONTROLLERS
-from robosim.envs import is_task_file, task_name
+from robosim.envs import is_task_file, make, task_name
+from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import Transition, play
 from robosim.randomization.materials import MATERIALS
+from robosim.senses.policy_file import load_policy
 from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.dosing_policy import numbers_of
-from robosim.studies.evaluation.material_episode import OWN
 from robosim.studies.evaluation.page import make_materials_page
-from robosim.studies.evaluation.policies import bundled_motion, load_policy
-from robosim.studies.evaluation.tables import Rows, draw_map, format_table, make_rows
+from robosim.studies.evaluation.policies import bundled_motion, make_policy, training_options
 from robosim.tasks.task import load_task
+
+READINGS = ("delivered", "spilled", "collisions")
+OWN = "the task's own"
+"""Label of the task's own material, from which the trajectory's deviation is measured."""
+Rows = dict[str, dict[str, Any]]
+"""Label of a material -> score, deviation and readings in it."""
 
 
 def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int = 1,
@@ -38,7 +48,7 @@ def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int 
         check_policy(task, name)
     if len({task_name(task) for task in tasks}) < len(tasks):
         raise ConfigError(f"tasks {', '.join(tasks)}: two have the same name; accepted: files of different names")
-    work = [Job("robosim.studies.evaluation.material_episode:play_in_material",
+    work = [Job("robosim.studies.evaluation.materials:play_in_material",
                 {"task": task, "name": name, "label": label}, depends=inputs)
             for task in tasks for inputs in [list_inputs(task, name)] for label in [OWN, *MATERIALS]]
     episodes = dict[str, Rows]()
@@ -97,3 +107,68 @@ def write_tables(folder: OutputFolder, name: str, rows_by_task: dict[str, Rows])
     folder.write_text("index.html", make_materials_page(name, rows, picture).html())
     print(format_table(tasks, rows_by_task))
     print(folder.path / "index.html")
+
+
+def play_in_material(task: str, name: str, label: str) -> dict[str, Any]:
+    """Run an episode from the task's own start; return its score, readings and trajectory.
+    The trajectory is the centre [m] (3,) of the observed grains after each action, as long as the simulation does not
+    diverge."""
+    base, numbers = MATERIALS[label] if label != OWN else (load_task(task).material, {})
+    options: dict[str, Any] = {"material": base, **numbers, **training_options(name)}
+    made = make(task, **options)
+    env = made.unwrapped
+    assert isinstance(env, GrainEnv)
+    observation, _ = env.reset(seed=0, options={"nominal": True})
+    trajectory: list[list[float]] = []
+
+    def follow(step: Transition) -> None:
+        if not step.info.get("diverged"):
+            trajectory.append(env.world.grains()[:, :3].mean(0).astype(float).tolist())
+
+    _, info = play(env, make_policy(name, env, 0), observation=observation, hooks=[follow])
+    made.close()
+    diverged = str(info["diverged"]) if info.get("diverged") else None
+    return {"score": info["tcs"], "trajectory": trajectory, "diverged": diverged,
+            **{key: info["readings"].get(key) for key in READINGS}}
+
+
+def make_rows(episodes: Rows) -> Rows:
+    """Return scores, deviations and readings by material, from episodes by material.
+    td_mm: trajectory deviation, the mean distance over the episode [mm] between the centre of the observed grains in
+    a material and in the task's own; None where the episode diverged at once."""
+    own, rows = np.array(episodes[OWN]["trajectory"]), {}
+    for label in MATERIALS:
+        trajectory = np.array(episodes[label]["trajectory"])
+        common = min(len(own), len(trajectory))  # an episode that diverged is shorter
+        deviation = np.linalg.norm(trajectory[:common] - own[:common], axis=1).mean() if common else None
+        rows[label] = {"score": episodes[label]["score"], "td_mm": None if deviation is None else 1e3 * deviation,
+                       **{key: episodes[label][key] for key in READINGS}, "diverged": episodes[label]["diverged"]}
+    return rows
+
+
+def format_table(tasks: list[str], rows_by_task: dict[str, Rows]) -> str:
+    """Format scores, with deviations in brackets, for a terminal."""
+    def cell(values: dict[str, Any]) -> str:
+        deviation = "-" if values["td_mm"] is None else f"{values['td_mm']:.1f}"
+        return f"{values['score']:.1f} ({deviation})"
+
+    lines = [["score (TD [mm])", *tasks]]
+    lines += [[material, *(cell(rows_by_task[task][material]) for task in tasks)] for material in MATERIALS]
+    return aligned(lines)
+
+
+def draw_map(path: Path, tasks: list[str], rows_by_task: dict[str, Rows]) -> None:
+    """Draw the delivered share as a map of materials by tasks, with the scores in its cells."""
+    shares = np.array([[rows_by_task[task][label]["delivered"] for task in tasks] for label in MATERIALS], float)
+    figure = Figure(figsize=(4.4 + 1.1 * len(tasks), 1.2 + 0.42 * len(MATERIALS)), layout="constrained")
+    axes = figure.subplots()
+    image = axes.imshow(shares, vmin=0.0, vmax=1.0, cmap="viridis", aspect="auto")
+    for i, label in enumerate(MATERIALS):
+        for j, task in enumerate(tasks):
+            axes.text(j, i, f"{rows_by_task[task][label]['score']:.1f}", ha="center", va="center", fontsize=8,
+                      color="black" if shares[i, j] > 0.6 else "white")
+    axes.set_xticks(range(len(tasks)), tasks, rotation=30, ha="right")
+    axes.set_yticks(range(len(MATERIALS)), list(MATERIALS))
+    axes.set_title("score of one motion")
+    figure.colorbar(image, label="delivered fraction")
+    figure.savefig(path, dpi=120)

@@ -1,35 +1,26 @@
 """Policies of an environment: none, random, scripted, a dosing controller, recorded actions, a learned network."""
 
-import json
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, get_args
+from typing import Any
 
 import numpy as np
 
-import mpm
-from mpm.array_files import StoredArrays, read_arrays
-from mpm.files import quote
-from mpm.geometry.rigid_motion import relative_rotation
+from mpm.array_files import StoredArrays
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.base.input_files import differing_entries
 from robosim.base.resources import trained
 from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
-from robosim.senses.perception import Layout, observation_options
-from robosim.senses.senses import valid_terms
-from robosim.senses.term import SenseScene
+from robosim.senses.perception import observation_options
+from robosim.senses.policy_file import MAX_REPEAT, Network, load_policy
 from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
-from robosim.tasks.actions import move_pose
-from robosim.tasks.task import TaskConfig
+from robosim.tasks.actions import follow, move_pose, rest_action
 
 Policy = Callable[[Any], np.ndarray]
 """Returns the next action (dimensions,) of the episode for an observation."""
 LARGEST = 1e30
 """Largest number of an action, which the environment clips; single precision has numbers of up to 3e38."""
-MAX_REPEAT = 10_000
-"""Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
 
 
 def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
@@ -80,81 +71,28 @@ def training_options(name: str) -> dict[str, Any]:
     return options
 
 
-def load_policy(path: Path) -> StoredArrays:
-    """Load the arrays of a policy's .npz file; raises ConfigError for one that cannot be read or used."""
-    try:
-        stored = read_arrays(path)
-        stored.check_finite()
-        # until release 0.1 action_repeat was called hold
-        arrays = StoredArrays(path, {"action_repeat" if key == "hold" else key: array for key, array in stored.items()})
-        arrays.integer("action_repeat", 1, 1, MAX_REPEAT)
-        for name in ("task", "obs", "bound", "expert"):
-            arrays.text(name, "")
-    except (OSError, mpm.InvalidValue) as error:
-        raise ConfigError(f"{error}") from None
-    return arrays
-
-
-def check_task(name: str, task: TaskConfig, changed: Collection[str] = (), arm: Any = None) -> None:
-    """Raise ConfigError where a network's file was learned on another task, or on another version of it, or observes
-    terms that the task's environment does not have. arm: None without one.
-    changed: top-level keys of the task's file that were changed on purpose."""
-    arrays = load_policy(Path(name)) if Path(name).is_file() else StoredArrays(Path(name), {})
-    if "weight_0" not in arrays:
-        return
-    terms, nothing = arrays.text("obs", "flat").split(","), None
-    valid = valid_terms(SenseScene(task, nothing, nothing, arm))  # pyright: ignore[reportArgumentType]
-    lacking = [one for one in terms if one not in valid]
-    if lacking and terms[0] not in get_args(Layout):
-        raise ConfigError(f"policy {name}: observes {', '.join(terms)}; this environment has no {', '.join(lacking)}; "
-                          f"it has {', '.join(valid)}")
-    if "task_table" not in arrays:
-        return
-    try:
-        learned = json.loads(arrays.text("task_table", ""))
-    except ValueError as error:
-        raise ConfigError(f"{name}: task_table: not JSON: {error}") from None
-    now = json.loads(task.model_dump_json(exclude={"description"}))
-    differing = {key: values for key, values in differing_entries(learned, now).items()
-                 if key.split(".")[0] not in changed}
-    if differing:
-        texts = [f"{key} {quote(values[0])}, here {quote(values[1])}" for key, values in differing.items()]
-        more = f" and {len(texts) - 3} more" if len(texts) > 3 else ""
-        raise ConfigError(f"policy {name}: learned on {arrays.text('task', 'another task')} with "
-                          f"{'; '.join(texts[:3])}{more}; accepted: the task that it was learned on")
-
-
-def rest_action(task: TaskConfig) -> np.ndarray:
-    """Return the action (size,) of a tool at rest, which does not vibrate either."""
-    n = task.action.dimensions
-    return np.array([0.0] * n + [-1.0] * (task.action.size - n), np.float32)
-
-
 class ScriptedPolicy:
     """Follows the waypoints of the task's script from where the tool is; what is commanded and not yet done counts.
 
-    knows: whether they are displaced with the target, which no sensor has to find: a reference, and an expert."""
+    knows: whether they are displaced with the target, which no sensor has to find: a reference, and an expert. closing:
+    as of `robosim.tasks.actions.follow`; with one the path begins at the task's own start, which the tool approaches,
+    where the script alone is at its first waypoint in time, however fast."""
 
-    def __init__(self, env: GrainEnv, knows: bool = False) -> None:
+    def __init__(self, env: GrainEnv, knows: bool = False, closing: float = 0.0) -> None:
         place = env.carrier.setting.place if knows else None
-        self._env, self._path = env, env.task.scripted_path(env.carrier.commanded.position, place)
+        start = None if closing else env.carrier.commanded.position
+        self._env, self._path, self._closing = env, env.task.scripted_path(start, place), closing
 
     def __call__(self, observation: Any) -> np.ndarray:
         """Return the next action; the observation is not needed."""
-        env, task, action = self._env, self._env.task, self._env.task.action
+        env, task = self._env, self._env.task
         now, begin = env.carrier.commanded, env.step_count
         for linear, angular, *_, steps in env.member.delay.waiting:
             begin += steps
             for _ in range(steps):
                 now = move_pose(now, task, linear, angular)
         duration = max(min(env.action_repeat, task.steps - begin), 1) * task.step_dt
-        target = self._path.pose(begin * task.step_dt + duration)
-        velocity = (target.position - now.position) / (duration * action.speed)
-        if action.dimensions == 6:
-            rotation = now.matrix @ relative_rotation(now.quaternion, target.quaternion)
-            velocity = np.concatenate([velocity, rotation / (duration * action.angular_speed)])
-        still = rest_action(task)[action.dimensions:]
-        return np.clip(np.concatenate([velocity, still]), -1.0, 1.0).astype(np.float32)
+        return follow(task, self._path, now, begin * task.step_dt, duration, self._closing).astype(np.float32)
 
 
 class ReplayPolicy:
@@ -187,31 +125,17 @@ class ReplayPolicy:
 
 
 class NetworkPolicy:
-    """A learned network: layers W x + b, each followed by the function that `activations` names.
+    """A learned network in the environment that it fits.
 
-    `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that the network was
-    learned with. With `residual` it corrects the `expert`, the script that knows, by at most that share of the action
-    range. Raises ConfigError, mpm.InvalidValue for a network that does not fit the environment."""
-
-    FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
-        "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
+    With `residual` it corrects the `expert`, the script that knows, by at most that share of the action range. Raises
+    ConfigError, mpm.InvalidValue for a network that does not fit."""
 
     def __init__(self, path: Path, arrays: StoredArrays, env: GrainEnv) -> None:
-        names = [str(name) for name in arrays.get("activations", np.zeros(0)).ravel()]
-        try:
-            self._layers = [(arrays[f"weight_{k}"], arrays[f"bias_{k}"], self.FUNCTIONS[name])
-                            for k, name in enumerate(names)]
-            self._bound = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(arrays["bound"])]
-        except KeyError as error:
-            raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
-        given, own = arrays.text("obs", ""), env.world.observer.names
-        if given not in ("", own):
-            raise ConfigError(f"{path}: observes {given}; this environment observes {own}")
-        inputs, outputs = _check_chain(path, [(W, b) for W, b, _ in self._layers])
-        if env.observation_space.shape != (inputs,) or outputs != env.task.action.size:
-            raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes {own}, "
-                              f"{env.observation_space.shape}, and takes {env.task.action.size}; the network was "
-                              f"learned for {arrays.get('task', '?')}")
+        self._network = network = Network(path, arrays)
+        own = env.world.observer.names
+        if network.obs not in ("", own):
+            raise ConfigError(f"{path}: observes {network.obs}; this environment observes {own}")
+        network.check_sizes(own, env.observation_space.shape, env.task)
         if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")
@@ -223,24 +147,7 @@ class NetworkPolicy:
 
     def __call__(self, observation: Any) -> np.ndarray:
         """Return the action for an observation (inputs,)."""
-        x = observation
-        for W, b, function in self._layers:
-            x = function(W @ x + b)
-        action = self._bound(x)
+        action = self._network(observation)
         if self._expert is not None:
-            action = np.clip(self._expert(observation) + self._share * action, -1.0, 1.0)
-        return action.astype(np.float32)
-
-
-def _check_chain(path: Path, layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[int, int]:
-    """Return the numbers of inputs and outputs of layers; raise ConfigError where one does not fit the one before."""
-    width = layers[0][0].shape[-1] if layers and layers[0][0].ndim else 0
-    inputs = width
-    for k, (W, b) in enumerate(layers):
-        if W.ndim != 2 or W.shape[1] != width or b.shape != W.shape[:1] or {W.dtype.kind, b.dtype.kind} != {"f"}:
-            raise ConfigError(f"{path}: weight_{k} and bias_{k} have shapes {W.shape} and {b.shape}, types {W.dtype} "
-                              f"and {b.dtype}; accepted: floating-point numbers of shapes (n, {width}) and (n,)")
-        width = W.shape[0]
-    if not layers:
-        raise ConfigError(f"{path}: not a policy: no activations; accepted: one for each layer")
-    return inputs, width
+            action = np.clip(self._expert(observation) + self._share * action, -1.0, 1.0).astype(np.float32)
+        return action

@@ -15,7 +15,7 @@ from robosim.config.settings import Setting
 
 BUILT = ("SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "GAIL")  # learners that are classes of Stable-Baselines3
 OWN_OPTIONS = {"BC": {"learning_rate", "updates", "batch_size", "net_arch"},
-               "DAgger": {"learning_rate", "updates", "batch_size", "net_arch", "expert_episodes", "noise"},
+               "DAgger": {"learning_rate", "updates", "batch_size", "net_arch", "expert_episodes", "noise", "closing"},
                "GNN-CMA-ES": {"knots", "sigma", "population"}, "replay": set()}
 """Options of the other learners, all of which a preset must give."""
 SLICES = {"particles": slice(0, 24), "tool": slice(24, 31), "time": slice(31, 32)}
