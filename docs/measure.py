@@ -250,12 +250,14 @@ def networks(_: Path) -> None:
         if run.state != "finished" or not best.is_file():
             print(f"{task}: {run.state}, no policy")
             continue
-        shutil.copyfile(best, TRAINED / "networks" / f"{task}.npz")
+        shutil.copy2(best, TRAINED / "networks" / f"{task}.npz")
         jobs += [(task, suite, HERE.parent / run.out.parent / suite) for suite in SUITES]
 
     def score(task: str, suite: str, out: Path) -> None:
-        command(["evaluate", task, "--policy", f"policies/trained/networks/{task}.npz", "--suite", suite,
-                 "--episodes", str(EPISODES)], out)
+        scored, policy = out / "evaluation.json", TRAINED / "networks" / f"{task}.npz"
+        if not scored.is_file() or scored.stat().st_mtime < policy.stat().st_mtime:
+            command(["evaluate", task, "--policy", f"policies/trained/networks/{task}.npz", "--suite", suite,
+                     "--episodes", str(EPISODES)], out)
         for end in ("json", "csv"):
             shutil.copyfile(out / f"evaluation.{end}", NETWORKS / f"{task}_{suite}.{end}")
 

@@ -99,7 +99,7 @@ class RehearsalRun:
         config, motion, arm = self.config, self.plan.motion, self.plan.arm
         late = 0.0 if self.errors is None else self.errors.latency
         if config.dose is None:
-            if hasattr(own, "begin"):
+            if hasattr(own, "begin") and not isinstance(own, type):
                 own.begin(self)
             return MotionDriver(motion, config.grasp_time, late) if own is None else \
                 OwnDriver(own, motion, config.grasp_time, late, arm, config.host_dt, self._read_robot)

@@ -14,10 +14,9 @@ from robosim.envs.grain_env import GrainEnv
 from robosim.episode.film import EPISODE, try_film
 from robosim.episode.play import play
 from robosim.recordings.reader import FILE as RECORDING
-from robosim.senses.policy_file import check_task
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
 from robosim.studies.evaluation.page import make_page
-from robosim.studies.evaluation.policies import make_policy, training_options
+from robosim.studies.evaluation.policies import check_task, make_policy, training_options
 from robosim.tasks.task import load_task
 
 RESULTS = ("evaluation.json", "index.html", "episode.mp4", RECORDING)

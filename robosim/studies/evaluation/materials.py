@@ -21,11 +21,10 @@ from robosim.envs import is_task_file, make, task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import Transition, play
 from robosim.randomization.materials import MATERIALS
-from robosim.senses.policy_file import load_policy
 from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.dosing_policy import numbers_of
 from robosim.studies.evaluation.page import make_materials_page
-from robosim.studies.evaluation.policies import bundled_motion, make_policy, training_options
+from robosim.studies.evaluation.policies import bundled_motion, load_policy, make_policy, training_options
 from robosim.tasks.task import load_task
 
 READINGS = ("delivered", "spilled", "collisions")

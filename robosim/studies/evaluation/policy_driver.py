@@ -18,8 +18,8 @@ from robosim.robot.timing import JointState
 from robosim.scene.grains import is_in_tool
 from robosim.senses.arm import ArmSampler
 from robosim.senses.perception import Perception
-from robosim.senses.policy_file import MAX_REPEAT, Network, check_task, load_policy
 from robosim.senses.term import SenseScene, Sight
+from robosim.studies.evaluation.policies import MAX_REPEAT, Network, check_task, load_policy
 from robosim.tasks.actions import ActionScaling, move_pose
 from robosim.tasks.task import TaskConfig
 

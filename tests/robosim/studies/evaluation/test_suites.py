@@ -14,11 +14,10 @@ from robosim.commands.runs.evaluate import check_policy, find_network
 from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
 from robosim.randomization.materials import MATERIALS
-from robosim.senses.policy_file import check_task
 from robosim.studies.evaluation import evaluate as one_task
 from robosim.studies.evaluation import suite_run
 from robosim.studies.evaluation.evaluate import evaluate
-from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.evaluation.policies import check_task, make_policy
 from robosim.studies.evaluation.suite_run import COMPARED, compared, evaluate_suite, find_policies, normalise
 from robosim.studies.evaluation.suites import plan_starts
 from robosim.tasks.counting import TOOL
