@@ -16,8 +16,8 @@ import mpm
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.demo import first_actions
 from policies.demonstrations.descent import STATE, Descent
+from policies.demonstrations.generator import load_stored
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
-from policies.demonstrations.request import load_stored
 from policies.dynamics.rollouts import describe_environment, read_rollouts
 from policies.learning.presets import load_preset
 from policies.results.rows import ROW as ROW_FORM

@@ -10,10 +10,9 @@ import yaml
 from generators.markdown import table
 from generators.results.measured import ROOT
 from policies.results.curves import draw_curves, group_curves
-from policies.results.page import score_table
 from policies.results.rows import find_stale
 from policies.results.summary import summarise_runs
-from policies.results.tables import collect_rows
+from policies.results.tables import collect_rows, score_table
 from policies.runs.sweep_file import load_sweep, plan_runs
 
 TRAINED = ROOT / "policies" / "trained"

@@ -51,23 +51,8 @@ class Stage(NamedTuple):
         return pose._replace(position=pose.position + self.offset)
 
 
-class StagePath:
-    """In place of a plan's path: when the sub-tasks begin and the load is weighed, [s], and where they begin.
-    weigh_at: name of the rest before a sub-task, by its number `weighed`, or after the last; None: of none."""
-
-    def __init__(self, stages: list[Stage], dt: float, weigh_at: str | None, weighed: int) -> None:
-        self.times, self._stages, self._dt = {stage.name: stage.begin * dt for stage in stages}, stages, dt
-        self.duration = stages[-1].end * dt + REST_TIME
-        end = [*self.times.values(), self.duration][weighed]
-        self.rests = {} if weigh_at is None else {weigh_at: (end - REST_TIME, end)}
-
-    def pose(self, time: float) -> mpm.Pose:
-        """Return the pose in which the sub-task of a time [s] begins."""
-        return [stage for k, stage in enumerate(self._stages) if k == 0 or stage.begin * self._dt <= time][-1].start
-
-
 class PolicyDriver:
-    """Commands the joints as policies ask, one after the other; a user's own driver, see `OwnDriver`.
+    """Commands the joints as policies ask, one after the other; a user's own driver, see `OwnDriver`, and its path.
 
     source: folder of a policy TASK.npz of each sub-task of a rehearsal, or the file or run of a single one. A policy
     sees grains and tool in the frame of its task, acts as often as it was trained to and within the task's box; inverse
@@ -82,9 +67,12 @@ class PolicyDriver:
             path = find_policy(source, motion.name, len(config.recorded))
             self._stages.append(self._make_stage(motion, path, step))
             step = self._stages[-1].end
-        self._path = StagePath(self._stages, self._dt, config.weigh_at, int(config.tool_fill_height is None))
-        self.duration, self._pose = self._path.duration, self._stages[0].start
-        self._left = self._pose
+        self.times = {stage.name: stage.begin * self._dt for stage in self._stages}
+        """As of a plan's path: sub-task -> time [s] of its begin, rest -> its times, and the time [s] of all."""
+        self.duration = step * self._dt + REST_TIME
+        end = [*self.times.values(), self.duration][config.tool_fill_height is None]
+        self.rests = {} if config.weigh_at is None else {config.weigh_at: (end - REST_TIME, end)}
+        self._pose = self._left = self._stages[0].start
 
     def _make_stage(self, motion: SubTaskMotion, path: Path, begin: int) -> Stage:
         check_task(str(path), motion.task, arm=True)
@@ -105,10 +93,14 @@ class PolicyDriver:
         self._rest = self._q = run.plan.motion.state(0.0).q
         self._smoother = JointSmoother(arm.step_limits(), self._dt, arm)
         self._smoother.restart(self._q)
-        run.plan = run.plan._replace(path=self._path)
+        run.plan = run.plan._replace(path=self)
         for stage in self._stages:
             self._look(stage, np.arange(1))
             stage.network.check_sizes(stage.network.obs, self._senses.space.shape, stage.task)
+
+    def pose(self, time: float) -> mpm.Pose:
+        """Return the pose in which the sub-task of a time [s] begins."""
+        return [stage for k, stage in enumerate(self._stages) if k == 0 or stage.begin * self._dt <= time][-1].start
 
     def command(self, state: RobotState) -> JointState:
         """Return the joints' command; raises DriverFault for a sub-task that begins with an empty tool."""

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from policies.learners.buffers import DemoReplayBuffer
+from policies.learners.critics import WIDTH, PartsEncoder
 from policies.learners.learner import ENCODERS, build_learner, learner_class
-from policies.learners.networks import WIDTH, PartsEncoder
 from policies.learning.presets import load_preset
 from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names
