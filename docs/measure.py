@@ -2,7 +2,8 @@
 
 Names: rehearsal_spoon (and the pictures of it), gallery (a still of each of the other rehearsals), arms (three
 rehearsals with every arm, with its hand and without), foreign_arms (the spoon with arms of other packages, which
-docs/developer/testing.md says how to get), report, stability, bench, bench_field. Without a name: all.
+docs/developer/testing.md says how to get), report, stability, bench, bench_field, networks (the bundled policies and
+their scores: hours, and continues where it was interrupted). Without a name: all but networks.
 """
 
 import json
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -230,16 +232,54 @@ def bench_field(out: Path) -> dict[str, Any]:
             "head": ["scene", "particles", "threads", "device", "ns per particle and substep"], "rows": rows}
 
 
+SUITES = ("wide", "hard")
+EPISODES = 30
+
+
+def networks(_: Path) -> None:
+    """Train the sweep of the bundled networks, take each finished run's best policy, and score it."""
+    from generators.results.learning import NETWORKS, TRAINED
+
+    from policies.runs.sweep_file import load_sweep, plan_runs
+
+    words = ["sweep", "configs/published/networks.yaml", "--jobs", "2"]
+    subprocess.run([sys.executable, "-m", "robosim", *words], cwd=HERE.parent, check=False)
+    jobs = []
+    for run in plan_runs(load_sweep(HERE.parent / words[1])):
+        task, best = run.arguments[2], HERE.parent / run.out / "best_policy.npz"
+        if run.state != "finished" or not best.is_file():
+            print(f"{task}: {run.state}, no policy")
+            continue
+        shutil.copy2(best, TRAINED / "networks" / f"{task}.npz")
+        jobs += [(task, suite, HERE.parent / run.out.parent / suite) for suite in SUITES]
+
+    def score(task: str, suite: str, out: Path) -> None:
+        scored, policy = out / "evaluation.json", TRAINED / "networks" / f"{task}.npz"
+        if not scored.is_file() or scored.stat().st_mtime < policy.stat().st_mtime:
+            command(["evaluate", task, "--policy", f"policies/trained/networks/{task}.npz", "--suite", suite,
+                     "--episodes", str(EPISODES)], out)
+        for end in ("json", "csv"):
+            shutil.copyfile(out / f"evaluation.{end}", NETWORKS / f"{task}_{suite}.{end}")
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(score, *zip(*jobs)))
+    table = HERE.parent / "out" / "networks" / "tables"
+    command(["tables", "out/networks"], table)
+    rows = json.loads((table / "tables.json").read_text())
+    (TRAINED / "networks.json").write_text(json.dumps(
+        {"made_by": "robosim tables out/networks", **{key: rows[key] for key in ("runs", "code")}}, indent=1) + "\n")
+
+
 TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "rehearsal_spoon": rehearsal_spoon, "report": report, "stability": stability, "bench": bench,
     "bench_field": bench_field, "gallery": gallery, "arms": arms,
-    "foreign_arms": foreign_arms}
+    "foreign_arms": foreign_arms, "networks": networks}
 
 
 def main(names: list[str]) -> None:
     """Measure what is named, into a folder that is removed afterwards."""
     DATA.mkdir(parents=True, exist_ok=True)
-    for name in names or list(TASKS):
+    for name in names or [name for name in TASKS if name != "networks"]:
         out = HERE / "_build" / "measured" / name
         shutil.rmtree(out, ignore_errors=True)
         out.mkdir(parents=True)

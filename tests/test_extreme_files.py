@@ -16,14 +16,12 @@ import mpm
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.demo import first_actions
 from policies.demonstrations.descent import STATE, Descent
+from policies.demonstrations.generator import load_stored
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
-from policies.demonstrations.request import load_stored
 from policies.dynamics.rollouts import describe_environment, read_rollouts
 from policies.learning.presets import load_preset
 from policies.results.rows import ROW as ROW_FORM
 from policies.results.tables import PUBLISHED, collect_rows, fill_page, read_table, summarise_runs
-from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
-from policies.runs.pipeline_table import format_rows
 from policies.runs.run_folder import RunFolder
 from policies.runs.sweep_file import SweepRun
 from robosim.base.digests import cache_folder, digest
@@ -182,16 +180,6 @@ MANIFEST = {"method": "sac", "preset": PRESET, "task": "SpoonPour", "seed": 0, "
             "action_repeat": 10, "n_envs": 1, "commit": "c", "command": "robosim train sac"}
 STATUS = {"state": "finished", "replayed": {"tcs": 5.0, "delivered": 0.5}, "last": {"tcs": 4.0, "return": 1.0},
           "seconds": 10.0, "episodes": 5, "best_return": 1.0}
-CHAIN = {"sub_tasks": [{"task": "SpoonPour", "from_previous": {"grains": 100, "delivered": 0.9, "rotation_deg": 1.0,
-                                                               "rotation_relative_error": 0.1}}]}
-DEMONSTRATIONS = {"demonstrations": [{"among salt": {"tcs": 4.0}, "alone": {"tcs": 5.0}}]}
-ARM = {"scooped_mass_kg": 0.01, "delivered_fraction": 0.9, "spilled_fraction": 0.1}
-
-
-def tabulate_pipeline(path: Path) -> None:
-    format_rows(collect_pipeline_rows(path.parents[1], ["SpoonPour"], {"SpoonPour": path.parents[1] / "training"}))
-
-
 TABLES = {
     "tables of runs": Reader(tabulate, {"runs": [ROW]}, "tables.json"),
     "status of a run": Reader(tabulate, STATUS, "status.json"),
@@ -203,11 +191,6 @@ TABLES = {
         {"code": "other", "cell_m": 0.01, "seconds": 1.0, "r99_m": 0.2, "particles": 10}]}),
     "row of a study": Reader(lambda path: Store(path.parent).find(path.stem), {
         "key": "k", "checksum": digest({"score": 1.0}), "value": {"score": 1.0}}, "k.json"),
-    "chain of a pipeline": Reader(tabulate_pipeline, CHAIN, "chain/chain.json"),
-    "training of a pipeline": Reader(tabulate_pipeline, STATUS, "training/status.json"),
-    "arm of a pipeline": Reader(tabulate_pipeline, ARM, "arm/report.json"),
-    "demonstrations of a pipeline": Reader(tabulate_pipeline, DEMONSTRATIONS,
-                                           "demonstrations/SpoonPour/demonstrations.json"),
 }
 BESIDE = {"status.json": ("manifest.json", MANIFEST), "manifest.json": ("status.json", STATUS)}
 """File of a run's folder -> the other one."""

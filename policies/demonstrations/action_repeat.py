@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from mpm.geometry.rigid_motion import quaternion_of, relative_rotation, rotation_matrix
+from robosim.tasks.actions import follow, move_pose
 
 
 class ActionRepeat:
@@ -31,22 +31,16 @@ class ActionRepeat:
 
     def follow_script(self, task: Any, until: float) -> np.ndarray:
         """Return actions of shape `shape` that follow the task's script up to a time [s], and are zero after it."""
-        script, rotation = task.scripted_path(self.start), task.start.pose.matrix
-        position, actions = self.start, np.zeros(self.shape)
+        script, pose, actions = task.scripted_path(self.start), task.start.pose, np.zeros(self.shape)
+        pose = pose._replace(position=self.start)
         for k in range(self.decisions):
-            begin = k * self.action_repeat * self.dt
-            duration = min(self.action_repeat, self.steps - k * self.action_repeat) * self.dt
+            steps = min(self.action_repeat, self.steps - k * self.action_repeat)
+            begin, duration = k * self.action_repeat * self.dt, steps * self.dt
             if begin + duration > until + 1e-9:
                 break
-            target = script.pose(begin + duration)
-            action = (target.position - position) / duration
-            if self.dimensions == 6:
-                turn = rotation @ relative_rotation(quaternion_of(rotation), target.quaternion)
-                action = np.append(action, turn / duration)
-            actions[k] = np.clip(action / self._speeds, -1.0, 1.0)
-            position = np.clip(position + duration * (self._speeds * actions[k])[:3], self.lower, self.upper)
-            if self.dimensions == 6:
-                rotation = rotation_matrix(duration * (self._speeds * actions[k])[3:]) @ rotation
+            actions[k] = follow(task, script, pose, begin, duration)[: self.dimensions]
+            linear, angular = np.split(np.pad(steps * self._speeds * actions[k], (0, 6 - self.dimensions)), 2)
+            pose = move_pose(pose, task, linear, angular)
         return actions
 
     def to_twists(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

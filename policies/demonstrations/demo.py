@@ -14,9 +14,8 @@ import mpm
 from mpm.array_files import read_arrays
 from mpm.files import temporary_path, write
 from policies.demonstrations.action_repeat import ActionRepeat
-from policies.demonstrations.generator import make_demonstrations
+from policies.demonstrations.generator import DemonstrationRequest, make_demonstrations, surrogate_material
 from policies.demonstrations.reading import read_actions
-from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import write_table
 from policies.learning.environments import fingerprint, make_environment
 from policies.learning.options import SearchOptions, check_at_least, to_words

@@ -8,8 +8,8 @@ import numpy as np
 
 import mpm
 from policies.demonstrations import TASKS
+from policies.demonstrations.generator import surrogate_material
 from policies.demonstrations.motion_loss import DIFFERENCE, MotionLoss
-from policies.demonstrations.request import surrogate_material
 from policies.demonstrations.summary import draw_gradient_norms
 from policies.learning.environments import make_environment
 from policies.learning.options import check_at_least

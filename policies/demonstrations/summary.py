@@ -7,8 +7,7 @@ import matplotlib
 import numpy as np
 
 from mpm.files import write
-from policies.demonstrations.generator import DemonstrationGenerator
-from policies.demonstrations.request import DemonstrationRequest
+from policies.demonstrations.generator import DemonstrationGenerator, DemonstrationRequest
 from policies.learning.environments import score_motion
 from robosim.base.files import write_json
 

@@ -12,8 +12,7 @@ from stable_baselines3.common.utils import LinearSchedule
 
 import mpm
 from policies.learners.buffers import DemoReplayBuffer
-from policies.learners.critics import EnsemblePolicy
-from policies.learners.networks import DelayedActorMixin, PartsEncoder, PointNet
+from policies.learners.critics import DelayedActorMixin, EnsemblePolicy, PartsEncoder, PointNet
 from policies.learners.soft_actor_critic import EnsembleSAC
 from policies.learners.wrappers import zero_residual
 from policies.learning.presets import Preset

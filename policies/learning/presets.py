@@ -46,7 +46,8 @@ WITH_TEXT = ("train_freq",)
 """Options of these that take a unit, as in [1, episode]."""
 REQUIRED = {"GNN-CMA-ES": ("population", "knots", "sigma"),
             "BC": ("learning_rate", "updates", "batch_size", "net_arch"),
-            "DAgger": ("learning_rate", "updates", "batch_size", "net_arch", "expert_episodes", "noise")}
+            "DAgger": ("learning_rate", "updates", "batch_size", "net_arch", "expert_episodes", "noise",
+                       "closing")}
 """Learner -> options that it needs."""
 ANY_OPTION = (-1e9, 1e9)
 """The same for every other number."""

@@ -17,7 +17,8 @@ def aggregate(training: Training) -> None:
     """Play episodes, those of the expert first, and fit the policy to its actions in all states so far.
     Options of the preset: those of cloning, with updates after each episode at a rate that falls to a tenth;
     expert_episodes; noise: standard deviation of what is added to the expert's own actions, so that it shows how to
-    come back. Raises mpm.InvalidValue for a task without a script."""
+    come back; closing: time constant [s] with which it does. In one action it would show a gain with which a tool that
+    follows late, as an arm's does, overshoots. Raises mpm.InvalidValue for a task without a script."""
     if not training.is_granular:
         raise mpm.InvalidValue(f"task {training.task}: the expert is the task's script; accepted: a sub-task")
     set_random_seed(training.seed)
@@ -33,7 +34,7 @@ def aggregate(training: Training) -> None:
     def act(observation: np.ndarray) -> np.ndarray:
         nonlocal expert
         if env.step_count == 0:
-            expert = ScriptedPolicy(env, knows=True)
+            expert = ScriptedPolicy(env, knows=True, closing=options["closing"])
         observations.append(observation)
         actions.append(expert(observation))
         if training.env.count >= options["expert_episodes"]:

@@ -17,9 +17,8 @@ from mpm.files import write
 from policies.learning.names import check_installed
 from policies.learning.options import to_words
 from policies.learning.presets import load_preset
-from policies.runs.pipeline_table import collect_rows, format_rows
 from robosim.base.files import write_json
-from robosim.base.input_files import differing_entries, read_json
+from robosim.base.input_files import read_json
 from robosim.base.jobs import read_last_line, start_command
 from robosim.base.output_folder import OutputFolder, is_locked
 from robosim.base.progress import Progress
@@ -51,8 +50,8 @@ def recorded_rehearsals() -> dict[str, list[str]]:
 
 class Pipeline:
     """Runs the stages of a pipeline that are not finished; pipeline.json has the state of each.
-    options: of `robosim pipeline`. Raises mpm.InvalidValue for a wrong option, or a folder that holds a pipeline with
-    other options."""
+    options: of `robosim pipeline`; its commands refuse folders that hold results of others. Raises mpm.InvalidValue for
+    a wrong option."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         check_installed()  # before the first demonstrations, which need less
@@ -69,10 +68,6 @@ class Pipeline:
         self.out.mkdir(parents=True, exist_ok=True)
         self._file, self._lock = self.out / "pipeline.json", threading.Lock()
         self._processes: set[subprocess.Popen] = set()
-        self._shared_options = {  # which all calls in one folder must have
-            name: getattr(options, name) for name in ("seed", "n", "iterations", "episodes", "material")}
-        if options.settings:
-            self._shared_options["set"] = [setting.text for setting in options.settings]
         self._is_stopped = False
         self.stages = self._load_finished()
         self._progress: Any = None
@@ -80,16 +75,10 @@ class Pipeline:
     def _load_finished(self) -> dict[str, dict[str, Any]]:
         """Return the stages that earlier calls have finished; none where their file cannot be read."""
         try:
-            stored = read_json(self._file)
-            stages = {name: stage for name, stage in stored["stages"].items() if stage["state"] == "finished"}
-            differences = [f"--{name} {before}, now {now}" for name, (before, now) in
-                           differing_entries(stored["options"], self._shared_options).items()]
+            return {name: stage for name, stage in read_json(self._file)["stages"].items()
+                    if stage["state"] == "finished"}
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return {}
-        if differences:
-            raise mpm.InvalidValue(f"--out {self.out}: holds a pipeline with {'; '.join(differences)}; give another "
-                                   f"folder")
-        return stages
 
     def run(self) -> int:
         """Run all stages; return 0, or 1 where one failed."""
@@ -107,11 +96,8 @@ class Pipeline:
                         process.terminate()
                 pool.shutdown()
                 self._progress.close()
-            rows = collect_rows(self.out, self.tasks, {task: self._training_folder(task) for task in self.tasks})
-            self._store(rows=rows)
             folder.failures += [f"{name}: {one['reason']}" for name, one in self.stages.items()
                                 if one["state"] != "finished"]
-        print(format_rows(rows))
         for name, stage in self.stages.items():
             if stage["state"] != "finished":
                 print(f"{stage['state']}: {name}: {stage['reason']} (robosim {' '.join(stage['arguments'])})",
@@ -187,10 +173,9 @@ class Pipeline:
             self._progress.update()
         return self.stages[name]["state"] == "finished"
 
-    def _store(self, name: str | None = None, rows: list[dict[str, Any]] | None = None, **stage: Any) -> None:
-        """Write pipeline.json, with a new state of a stage, or with the table's rows."""
+    def _store(self, name: str, **stage: Any) -> None:
+        """Write pipeline.json, with a new state of a stage."""
         with self._lock:
-            if name is not None:
-                self.stages[name] = stage
+            self.stages[name] = stage
             write_json(self._file, {"rehearsal": self.options.rehearsal, "method": self.options.method,
-                                    "options": self._shared_options, "stages": self.stages, "sub_tasks": rows or []})
+                                    "stages": self.stages})

@@ -15,7 +15,7 @@ import mpm
 from mpm.files import write
 from policies.runs.episodes import Episode
 from robosim.base.files import write_json, write_rows, write_status
-from robosim.base.input_files import differing_entries, read_table
+from robosim.base.input_files import check_form, differing_entries, read_json
 from robosim.base.output_folder import OutputFolder
 
 IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "action_repeat", "n_envs", "fingerprint",
@@ -55,7 +55,9 @@ class RunFolder:
     def read_json(self, name: str) -> dict[str, Any]:
         """Return a .json file's table, {} without a file; raises mpm.InvalidValue where it is none."""
         try:
-            return read_table(self.path / name, {})
+            stored = read_json(self.path / name) if (self.path / name).is_file() else {}
+            check_form(stored, {}, str(self.path / name))
+            return stored
         except ValueError as error:
             raise mpm.InvalidValue(f"{error}; remove it, or give another --out") from None
 

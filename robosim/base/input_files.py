@@ -129,13 +129,6 @@ def check_form(value: Any, form: Any, name: str = "file") -> None:
         raise InvalidValue(f"{name}: {quote(value)}; accepted: {FORMS[form if isinstance(form, type) else type(form)]}")
 
 
-def read_table(path: Path, form: dict[Any, Any]) -> dict[str, Any]:
-    """Return the table of a JSON file, {} without a file; raises InvalidValue for a file of another form."""
-    stored = read_json(path) if path.is_file() else {}
-    check_form(stored, form, str(path))
-    return stored
-
-
 def differing_entries(one: Any, other: Any, place: str = "") -> dict[str, tuple[Any, Any]]:
     """Return the dotted keys in which two tables of JSON differ, with both values; None stands for a missing one."""
     if isinstance(one, dict) and isinstance(other, dict):

@@ -64,7 +64,7 @@ class MotionDriver:
         return time - self._start
 
     def is_dosing_at(self, time: float) -> bool:
-        """Return whether a dose decides the motion at a simulated time [s]."""
+        """Return whether a dose, or what else plans by itself, decides the motion at a simulated time [s]."""
         return False
 
     def expected_duration(self, time: float) -> float:
@@ -76,8 +76,9 @@ class OwnDriver(MotionDriver):
     """Commands what a user's object or function returns, and checks it before anything moves.
 
     own: a function of a `RobotState`, or an object with such a method `command`, and with a `duration` [s] where it is
-    not that of the plan. It is called in every step from the motion's start on, and returns joint angles (n,) [rad] or
-    a `JointState`. read: returns the robot's state, given the motion's time [s] and its command. dt: of a step [s].
+    not that of the plan; one with a method `begin`, which the run calls with itself, plans by itself. It is called in
+    every step from the motion's start on, and returns joint angles (n,) [rad] or a `JointState`. read: returns the
+    robot's state, given the motion's time [s] and its command. dt: of a step [s].
     Raises ConfigError for what cannot be called."""
 
     is_own = True
@@ -94,12 +95,16 @@ class OwnDriver(MotionDriver):
         if not isinstance(length, float | int) or not 0.0 < length <= LONGEST:
             raise ConfigError(f"driver {self.name}: duration = {length!r} s; accepted: above 0, up to {LONGEST:g} s")
         self._length, self._arm, self._dt, self._read = float(length), arm, dt, read
+        self._plans = hasattr(own, "begin")
         self._last = motion.state(0.0).q
         self._sent: deque[JointState] = deque(maxlen=round(latency / dt) + 1)
 
     @property
     def duration(self) -> float:
         return self._start + self._length
+
+    def is_dosing_at(self, time: float) -> bool:
+        return self._plans
 
     def command(self, time: float) -> JointState:
         """Raise DriverFault for a command that cannot be followed: its time, what it is, and the limit."""

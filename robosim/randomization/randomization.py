@@ -113,8 +113,9 @@ class Randomization:
 
     def draw(self, rng: np.random.Generator, *, nominal: bool, shift: Vector, turn_deg: float) -> Draw:
         """Draw an episode; nominal: the tool and the pile begin where the task says, but for shift [m] and turn."""
+        own = [name for name in self.ranges if name in NUMBERS and NUMBERS[name].needs == "arm"]
         numbers = {name: _pick(rng, self._levels[name]) if name in IN_LEVELS else rng.uniform(*pair)
-                   for name, pair in self.ranges.items() if name not in self._sensors}
+                   for name, pair in self.ranges.items() if name not in self._sensors and name not in own}
         tool, pile = np.array(shift), np.zeros(3)
         if not nominal:
             tool = tool + rng.uniform(-1.0, 1.0, 3) * self._task.start.spread
@@ -122,6 +123,7 @@ class Randomization:
             turn_deg = turn_deg + numbers.get("tool_yaw_deg", 0.0)
             tool = tool + [numbers.get(f"tool_{axis}", 0.0) for axis in "xyz"]
         material = _pick(rng, list(self.materials)) if self.materials else ""
+        numbers |= {name: rng.uniform(*self.ranges[name]) for name in own}  # last: a tool alone has the same start
         rng = copy.deepcopy(rng)  # so that neither this start nor those that follow depend on sensors
         seed = int(rng.integers(2**62))
         numbers |= {name: rng.uniform(*pair) for name, pair in self.ranges.items() if name in self._sensors}

@@ -82,7 +82,7 @@ class RehearsalRun:
         """Times [s] of what stands beside the steps: "compile", and what a session adds."""
         self.scooped: np.ndarray | None = None
         """Which grains (n,) were in the tool when it was weighed; None before, or where nothing is weighed."""
-        is_picked, rests = config.pick is not None, plan.path.rests
+        is_picked, rests = config.pick is not None, self.plan.path.rests
         self.grasp_begin = rests[config.waypoints[1].name][0] + config.grasp_time if is_picked else 0.0
         """Time [s] at which the fingers begin to close."""
         self.held_from = self.grasp_begin + config.grasp_time if is_picked else 0.0
@@ -99,6 +99,8 @@ class RehearsalRun:
         config, motion, arm = self.config, self.plan.motion, self.plan.arm
         late = 0.0 if self.errors is None else self.errors.latency
         if config.dose is None:
+            if hasattr(own, "begin") and not isinstance(own, type):
+                own.begin(self)
             return MotionDriver(motion, config.grasp_time, late) if own is None else \
                 OwnDriver(own, motion, config.grasp_time, late, arm, config.host_dt, self._read_robot)
         if own is not None and (isinstance(own, type) or not (hasattr(own, "start") and hasattr(own, "command"))):

@@ -6,9 +6,9 @@ import gymnasium
 import numpy as np
 
 import mpm
-from mpm.geometry.rigid_motion import rotate
+from mpm.geometry.rigid_motion import relative_rotation, rotate
 from robosim.base.errors import ConfigError
-from robosim.tasks.task import TaskConfig
+from robosim.tasks.task import ScriptedPath, TaskConfig
 
 AXES = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")
 """Names of an action's motions, for messages."""
@@ -44,6 +44,29 @@ def move_pose(pose: mpm.Pose, task: TaskConfig, linear: np.ndarray, angular: np.
     """Move a pose by one step of velocities [m/s], [rad/s] in world axes; the origin stays in the task's box."""
     position = np.clip(pose.position + task.step_dt * linear, task.action.lower, task.action.upper)
     return mpm.Pose(position, rotate(pose.quaternion, task.step_dt * angular))
+
+
+def rest_action(task: TaskConfig) -> np.ndarray:
+    """Return the action (size,) of a tool at rest, which does not vibrate either."""
+    n = task.action.dimensions
+    return np.array([0.0] * n + [-1.0] * (task.action.size - n), np.float32)
+
+
+def follow(task: TaskConfig, path: ScriptedPath, now: mpm.Pose, time: float, duration: float,
+           closing: float = 0.0) -> np.ndarray:
+    """Return the action (size,) that a tool with a pose takes along a path, for a duration [s] from a time [s] on.
+    closing: time constant [s] of the distance from the path; one below the duration: the tool is there at its end."""
+    def way(moment: float) -> np.ndarray:
+        """Displacement [m], [rad] (6,) from the present pose to that of the path, in world axes."""
+        target = path.pose(moment)
+        turn = now.matrix @ relative_rotation(now.quaternion, target.quaternion)
+        return np.concatenate([target.position - now.position, turn])
+
+    action = task.action
+    kept = max(1.0 - duration / closing, 0.0) if closing else 0.0
+    velocity = (way(time + duration) - (kept * way(time) if kept else 0.0)) / duration
+    share = velocity / np.repeat([action.speed, action.angular_speed], 3)
+    return np.clip(np.append(share[: action.dimensions], rest_action(task)[action.dimensions :]), -1.0, 1.0)
 
 
 class DelayLine:

@@ -10,15 +10,15 @@ import yaml
 from generators.markdown import table
 from generators.results.measured import ROOT
 from policies.results.curves import draw_curves, group_curves
-from policies.results.page import score_table
 from policies.results.rows import find_stale
 from policies.results.summary import summarise_runs
-from policies.results.tables import collect_rows
+from policies.results.tables import collect_rows, score_table
 from policies.runs.sweep_file import load_sweep, plan_runs
 
 TRAINED = ROOT / "policies" / "trained"
 NETWORKS = ROOT / "docs" / "results" / "data" / "networks"
 """What `robosim evaluate` wrote on each network; the rows of the episodes are beside, as .csv."""
+COMPARED = ("knowing", "recorded", "scripted")
 SINGLE_CHANGES = ("single_changes.yaml", "thousand_decisions.yaml")
 
 
@@ -76,25 +76,28 @@ def changes_figure() -> str:
 
 
 def networks_page() -> str:
-    """Scores of the bundled networks on `wide`, beside those of the motion, the script and no motion."""
+    """Normalised scores of the bundled networks on each suite, beside those of the policies from the same starts."""
     rows, _ = collect_rows([TRAINED / "networks.json"])
     evaluations = [json.loads(path.read_text()) for path in sorted(NETWORKS.glob("*.json"))]
-    columns = [{"network" if name == one["policy"] else name: figures for name, figures in one["policies"].items()}
-               for one in evaluations]
-    lines = [[f"`{policy}`", *(cell for column in columns for cell in score_and_success(column[policy]))]
-             for policy in columns[0]]
-    head = ["policy", *(f"{one['task']}, {name}" for one in evaluations for name in ("score", "success"))]
-    commits = ", ".join(sorted({f"`{one['made_by']['commit']}`" for one in evaluations}))
-    episodes = {figures["episodes"] for one in evaluations for figures in one["policies"].values()}
-    return f"""{' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}. {age(rows)}
+    parts = []
+    for suite in dict.fromkeys(one["suite"] for one in evaluations):
+        own = [one for one in evaluations if one["suite"] == suite]
+        lines = [[one["task"], *(cell for name in ("network", *COMPARED) for cell in score_and_success(
+            one["policies"].get(one["policy"] if name == "network" else name)))] for one in own]
+        commits = ", ".join(sorted({f"`{one['made_by']['commit']}`" for one in own}))
+        episodes = {figures["episodes"] for one in own for figures in one["policies"].values()}
+        head = ["task", *(f"{name}, {figure}" for name in ("network", *COMPARED) for figure in ("score", "success"))]
+        parts.append(f"Suite `{suite}`, {' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}.\n\n"
+                     f"{table(head, lines)}")
+    return "\n\n".join([age(rows), *parts])
 
-{table(head, lines)}"""
 
-
-def score_and_success(figures: dict) -> tuple[str, str]:
-    """A policy's mean score with its interval, and how many of its episodes succeeded."""
-    low, high = figures["tcs"]["interval"]
-    return f"{figures['tcs']['mean']:.1f} ({low:.1f} to {high:.1f})", f"{figures['is_success']['mean']:.0%}"
+def score_and_success(figures: dict | None) -> tuple[str, str]:
+    """A policy's interquartile mean of normalised scores with its interval, and how many of its episodes succeeded."""
+    if figures is None or "normalised" not in figures:
+        return "", ""
+    low, high = figures["normalised"]["iqm_interval"]
+    return f"{figures['normalised']['iqm']:.2f} ({low:.2f} to {high:.2f})", f"{figures['is_success']['mean']:.0%}"
 
 
 def materials_page() -> str:

@@ -62,13 +62,13 @@ def run(options: argparse.Namespace) -> int:
     if options.suite is None:
         refuse(options, "without --suite; accepted: with one, such as --suite wide", alone=False, beside=[])
     else:
-        refuse(options, f"with --suite {options.suite}; accepted: without, a suite has starts of its own for the tool "
-               f"alone", nominal=False, arm=False, seed=0)
+        refuse(options, f"with --suite {options.suite}; accepted: without, a suite has starts of its own",
+               nominal=False, seed=0)
     policies = [find_network(policy, options.task) for policy in (options.policy, *options.beside)]
     for policy in policies:
         if options.suite is None or not Path(policy).is_dir():
             check_policy(policy)
-    given = {"episodes": options.episodes, "material": options.material,
+    given = {name: getattr(options, name) for name in ("episodes", "material", "arm", "grasp", "robot", "gripper")} | {
              "changed": {setting.path[0] for setting in options.settings}}
     with options.settings.changed("tasks", options.task, options.out) as task:
         if options.suite is not None:
@@ -78,8 +78,7 @@ def run(options: argparse.Namespace) -> int:
         from robosim.studies.evaluation.evaluate import evaluate
 
         return evaluate(task, policies[0], options.out, seed=options.seed, film=not options.no_video,
-                        nominal=options.nominal, arm=options.arm, grasp=options.grasp, robot=options.robot,
-                        gripper=options.gripper, **given)
+                        nominal=options.nominal, **given)
 
 
 def find_network(name: str, task: str) -> str:

@@ -14,6 +14,7 @@ EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
   robosim rehearse spoon --set field.cell=0.005 --set tool_wall=0.003 --out out/coarse
   robosim rehearse bottle --trajectory recorded --out out/bottle
+  robosim rehearse shovel --policy out/networks/ShovelMove/dagger/seed_0 --out out/push
   robosim rehearse spoon --perturb 8 --jobs 2 --out out/robust
   robosim rehearse spoon --recorded real.mcap --out out/real"""
 
@@ -31,6 +32,9 @@ def add_parser(commands: Any) -> None:
                         "recorded motions of its sub-tasks (default: what the file says)")
     parser.add_argument("--motions", type=Path, help="folder with a recorded motion of each sub-task as TASK.npz "
                         "(default: the bundled motions)")
+    parser.add_argument("--policy", type=Path, metavar="RUN", help="let learned policies of its sub-tasks move the "
+                        "arm: a folder with TASK.npz of each; of a single one also the file, or the folder of its "
+                        "training run")
     parser.add_argument("--recorded", type=Path, metavar="FILE", help="play what the real arm recorded of the motion, "
                         "and compare its joint angles with the plan, its wrist wrench with the simulated one: a .csv "
                         "file with columns as in trajectory.csv, or a bag of ROS with JointState and WrenchStamped")
@@ -63,6 +67,9 @@ def run(options: argparse.Namespace) -> int:
         raise UnknownName("camera", options.camera, (*FRAMING, *CAMERAS))
     if options.trajectory not in (None, "script", "recorded"):
         raise UnknownName("trajectory", options.trajectory, ("script", "recorded"))
+    if options.policy is not None:
+        refuse(options, "with --policy; accepted: without", trajectory=None, recorded=None, perturb=None)
+        options.trajectory = "recorded"  # its sub-tasks, at their places
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
         if options.perturb is not None:
             return run_perturbed(options, rehearsal)
@@ -71,8 +78,14 @@ def run(options: argparse.Namespace) -> int:
         from robosim.rehearsal.session import RunOptions, rehearse
 
         film = FilmStyle(options.camera, options.height, options.poster)
+        driver = None
+        if options.policy is not None:
+            from robosim.rehearsal.session import check_rehearsal
+            from robosim.studies.evaluation.policy_driver import PolicyDriver
+
+            driver = PolicyDriver(options.policy, check_rehearsal(rehearsal, trajectory="recorded"))
         given = RunOptions(None if options.no_video else film, options.frame_rate, options.seed, options.recorded,
-                           options.model_errors)
+                           options.model_errors, driver)
         return rehearse(rehearsal, options.out, given, force_export=options.force_export, material=options.material,
                         grasp=options.grasp, trajectory=options.trajectory, motions=options.motions)
 

@@ -1,7 +1,7 @@
 """Scoring of policies: one task, many materials, and the bundled policies.
 
-Imports: base, config, dosing, envs, episode, planning, randomization, recordings, reports, rewards, robot, scene,
-senses, shapes, tasks, viewer, mpm."""
+Imports: base, cell, config, dosing, envs, episode, planning, randomization, recordings, rehearsal, reports, rewards,
+robot, scene, senses, shapes, tasks, viewer, mpm."""
 
 from robosim.dosing import CONTROLLERS
 

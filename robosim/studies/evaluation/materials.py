@@ -16,15 +16,19 @@ from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.study import Job, Study
 from robosim.config.materials import load_material
 from robosim.dosing import CONTROLLERS
-from robosim.envs import is_task_file, task_name
+from robosim.envs import is_task_file, make, task_name
+from robosim.envs.grain_env import GrainEnv
+from robosim.episode.play import Transition, play
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import POLICIES
 from robosim.studies.evaluation.dosing_policy import numbers_of
-from robosim.studies.evaluation.material_episode import OWN, READINGS
 from robosim.studies.evaluation.page import make_materials_page
-from robosim.studies.evaluation.policies import bundled_motion, load_policy
+from robosim.studies.evaluation.policies import bundled_motion, load_policy, make_policy, training_options
 from robosim.tasks.task import load_task
 
+READINGS = ("delivered", "spilled", "collisions")
+OWN = "the task's own"
+"""Label of the task's own material, from which the trajectory's deviation is measured."""
 Rows = dict[str, dict[str, Any]]
 """Label of a material -> score, deviation and readings in it."""
 
@@ -42,7 +46,7 @@ def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int 
         check_policy(task, name)
     if len({task_name(task) for task in tasks}) < len(tasks):
         raise ConfigError(f"tasks {', '.join(tasks)}: two have the same name; accepted: files of different names")
-    work = [Job("robosim.studies.evaluation.material_episode:play_in_material",
+    work = [Job("robosim.studies.evaluation.materials:play_in_material",
                 {"task": task, "name": name, "label": label}, depends=inputs)
             for task in tasks for inputs in [list_inputs(task, name)] for label in [OWN, *MATERIALS]]
     episodes = dict[str, Rows]()
@@ -101,6 +105,29 @@ def write_tables(folder: OutputFolder, name: str, rows_by_task: dict[str, Rows])
     folder.write_text("index.html", make_materials_page(name, rows, lines).html())
     print(aligned(lines))
     print(folder.path / "index.html")
+
+
+def play_in_material(task: str, name: str, label: str) -> dict[str, Any]:
+    """Run an episode from the task's own start; return its score, readings and trajectory.
+    The trajectory is the centre [m] (3,) of the observed grains after each action, as long as the simulation does not
+    diverge."""
+    base, numbers = MATERIALS[label] if label != OWN else (load_task(task).material, {})
+    options: dict[str, Any] = {"material": base, **numbers, **training_options(name)}
+    made = make(task, **options)
+    env = made.unwrapped
+    assert isinstance(env, GrainEnv)
+    observation, _ = env.reset(seed=0, options={"nominal": True})
+    trajectory: list[list[float]] = []
+
+    def follow(step: Transition) -> None:
+        if not step.info.get("diverged"):
+            trajectory.append(env.world.grains()[:, :3].mean(0).astype(float).tolist())
+
+    _, info = play(env, make_policy(name, env, 0), observation=observation, hooks=[follow])
+    made.close()
+    diverged = str(info["diverged"]) if info.get("diverged") else None
+    return {"score": info["tcs"], "trajectory": trajectory, "diverged": diverged,
+            **{key: info["readings"].get(key) for key in READINGS}}
 
 
 def make_rows(episodes: Rows) -> Rows:

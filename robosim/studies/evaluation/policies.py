@@ -10,7 +10,6 @@ import numpy as np
 import mpm
 from mpm.array_files import StoredArrays, read_arrays
 from mpm.files import quote
-from mpm.geometry.rigid_motion import relative_rotation
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.input_files import differing_entries
 from robosim.base.resources import trained
@@ -21,7 +20,7 @@ from robosim.senses.senses import valid_terms
 from robosim.senses.term import SenseScene
 from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
-from robosim.tasks.actions import move_pose
+from robosim.tasks.actions import follow, move_pose, rest_action
 from robosim.tasks.task import TaskConfig
 
 Policy = Callable[[Any], np.ndarray]
@@ -124,37 +123,28 @@ def check_task(name: str, task: TaskConfig, changed: Collection[str] = (), arm: 
                           f"{'; '.join(texts[:3])}{more}; accepted: the task that it was learned on")
 
 
-def rest_action(task: TaskConfig) -> np.ndarray:
-    """Return the action (size,) of a tool at rest, which does not vibrate either."""
-    n = task.action.dimensions
-    return np.array([0.0] * n + [-1.0] * (task.action.size - n), np.float32)
-
-
 class ScriptedPolicy:
     """Follows the waypoints of the task's script from where the tool is; what is commanded and not yet done counts.
 
-    knows: whether they are displaced with the target, which no sensor has to find: a reference, and an expert."""
+    knows: whether they are displaced with the target, which no sensor has to find: a reference, and an expert. closing:
+    as of `robosim.tasks.actions.follow`; with one the path begins at the task's own start, which the tool approaches,
+    where the script alone is at its first waypoint in time, however fast."""
 
-    def __init__(self, env: GrainEnv, knows: bool = False) -> None:
+    def __init__(self, env: GrainEnv, knows: bool = False, closing: float = 0.0) -> None:
         place = env.carrier.setting.place if knows else None
-        self._env, self._path = env, env.task.scripted_path(env.carrier.commanded.position, place)
+        start = None if closing else env.carrier.commanded.position
+        self._env, self._path, self._closing = env, env.task.scripted_path(start, place), closing
 
     def __call__(self, observation: Any) -> np.ndarray:
         """Return the next action; the observation is not needed."""
-        env, task, action = self._env, self._env.task, self._env.task.action
+        env, task = self._env, self._env.task
         now, begin = env.carrier.commanded, env.step_count
         for linear, angular, *_, steps in env.member.delay.waiting:
             begin += steps
             for _ in range(steps):
                 now = move_pose(now, task, linear, angular)
         duration = max(min(env.action_repeat, task.steps - begin), 1) * task.step_dt
-        target = self._path.pose(begin * task.step_dt + duration)
-        velocity = (target.position - now.position) / (duration * action.speed)
-        if action.dimensions == 6:
-            rotation = now.matrix @ relative_rotation(now.quaternion, target.quaternion)
-            velocity = np.concatenate([velocity, rotation / (duration * action.angular_speed)])
-        still = rest_action(task)[action.dimensions:]
-        return np.clip(np.concatenate([velocity, still]), -1.0, 1.0).astype(np.float32)
+        return follow(task, self._path, now, begin * task.step_dt, duration, self._closing).astype(np.float32)
 
 
 class ReplayPolicy:
@@ -186,17 +176,16 @@ class ReplayPolicy:
         return next(self._actions, self._zero)
 
 
-class NetworkPolicy:
+class Network:
     """A learned network: layers W x + b, each followed by the function that `activations` names.
 
-    `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that the network was
-    learned with. With `residual` it corrects the `expert`, the script that knows, by at most that share of the action
-    range. Raises ConfigError, mpm.InvalidValue for a network that does not fit the environment."""
+    `bound` names how the last layer is kept within -1 and 1; units of observations are part of the first layer. Raises
+    ConfigError, mpm.InvalidValue for arrays that are no network."""
 
     FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
         "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
 
-    def __init__(self, path: Path, arrays: StoredArrays, env: GrainEnv) -> None:
+    def __init__(self, path: Path, arrays: StoredArrays) -> None:
         names = [str(name) for name in arrays.get("activations", np.zeros(0)).ravel()]
         try:
             self._layers = [(arrays[f"weight_{k}"], arrays[f"bias_{k}"], self.FUNCTIONS[name])
@@ -204,14 +193,36 @@ class NetworkPolicy:
             self._bound = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(arrays["bound"])]
         except KeyError as error:
             raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
-        given, own = arrays.text("obs", ""), env.world.observer.names
-        if given not in ("", own):
-            raise ConfigError(f"{path}: observes {given}; this environment observes {own}")
-        inputs, outputs = _check_chain(path, [(W, b) for W, b, _ in self._layers])
-        if env.observation_space.shape != (inputs,) or outputs != env.task.action.size:
-            raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes {own}, "
-                              f"{env.observation_space.shape}, and takes {env.task.action.size}; the network was "
-                              f"learned for {arrays.get('task', '?')}")
+        self._path, self._inputs, self._outputs = path, *_check_chain(path, [(W, b) for W, b, _ in self._layers])
+        self.obs, self._task = arrays.text("obs", ""), arrays.text("task", "?")
+
+    def check_sizes(self, observed: str, shape: tuple[int, ...] | None, task: TaskConfig) -> None:
+        """Raise ConfigError where it does not take observations of a shape, or gives no action of a task."""
+        if shape != (self._inputs,) or self._outputs != task.action.size:
+            raise ConfigError(f"{self._path}: takes {self._inputs} numbers and gives {self._outputs}; this environment "
+                              f"observes {observed}, {shape}, and takes {task.action.size}; the network was learned "
+                              f"for {self._task}")
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Return the action (outputs,) for an observation (inputs,)."""
+        x = observation
+        for W, b, function in self._layers:
+            x = function(W @ x + b)
+        return self._bound(x).astype(np.float32)
+
+
+class NetworkPolicy:
+    """A learned network in the environment that it fits.
+
+    With `residual` it corrects the `expert`, the script that knows, by at most that share of the action range. Raises
+    ConfigError, mpm.InvalidValue for a network that does not fit."""
+
+    def __init__(self, path: Path, arrays: StoredArrays, env: GrainEnv) -> None:
+        self._network = network = Network(path, arrays)
+        own = env.world.observer.names
+        if network.obs not in ("", own):
+            raise ConfigError(f"{path}: observes {network.obs}; this environment observes {own}")
+        network.check_sizes(own, env.observation_space.shape, env.task)
         if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")
@@ -223,13 +234,10 @@ class NetworkPolicy:
 
     def __call__(self, observation: Any) -> np.ndarray:
         """Return the action for an observation (inputs,)."""
-        x = observation
-        for W, b, function in self._layers:
-            x = function(W @ x + b)
-        action = self._bound(x)
+        action = self._network(observation)
         if self._expert is not None:
-            action = np.clip(self._expert(observation) + self._share * action, -1.0, 1.0)
-        return action.astype(np.float32)
+            action = np.clip(self._expert(observation) + self._share * action, -1.0, 1.0).astype(np.float32)
+        return action
 
 
 def _check_chain(path: Path, layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[int, int]:

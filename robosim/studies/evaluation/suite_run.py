@@ -41,12 +41,14 @@ Row = dict[str, Any]
 
 
 def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None, *, episodes: int | None = None,
-                   material: str | None = None, changed: Collection[str] = (), alone: bool = False) -> int:
+                   material: str | None = None, changed: Collection[str] = (), alone: bool = False,
+                   **options: Any) -> int:
     """Score policies on a suite; print means with intervals, and write a row an episode, a summary and a page.
 
     names: of policies, their files, or folders of training runs, or of runs that differ in the seed alone. changed:
     top-level keys of the task that differ on purpose from what the policies were learned on. alone: run no other
-    policy. Returns 0. Raises ConfigError, UnknownName for what cannot be used, before any episode runs."""
+    policy. options: of the environment, such as an arm. Returns 0. Raises ConfigError, UnknownName for
+    what cannot be used, before any episode runs."""
     if material is not None and suite != "nominal":
         raise ConfigError(f"--material {material} with --suite {suite}; accepted: with --suite nominal, others have "
                           f"materials of their own")
@@ -59,16 +61,16 @@ def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None
     files = {label: [policy_file(policy, task) for policy in policies] for label, policies in files.items()}
     policies, rows = list(chain(*files.values())), list[Row]()
     for policy in policies:
-        check_task(policy, config, changed)
+        check_task(policy, config, changed, options.get("arm") or None)
 
     def make_environments(start: Start) -> dict[str, GrainEnv]:
         """Make one for each observation and action_repeat; raises ConfigError where a policy does not fit."""
         envs: dict[str, GrainEnv] = {}
         for policy in policies:
-            options = training_options(policy)
-            if str(options) not in envs:
-                envs[str(options)] = make_environment(config, start, **options)
-            make_policy(policy, envs[str(options)], start.seed)
+            own = training_options(policy)
+            if str(own) not in envs:
+                envs[str(own)] = make_environment(config, start, **options, **own)
+            make_policy(policy, envs[str(own)], start.seed)
         return envs
 
     first = make_environments(starts[0])
@@ -86,7 +88,7 @@ def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None
                     total, info = play(env, make_policy(policy, env, start.seed), observation=env.observation)
                     rows.append({"policy": label, "run": run, "episode": k, **drawn, "return": total,
                                  **read_scores(info), "cap": env.reward.extremes()[1],
-                                 "diverged": info.get("diverged") or ""})
+                                 "diverged": info.get("diverged") or "", **info.get("arm", {})})
                     progress.update()
                     rows.sort(key=lambda row: (list(files).index(row["policy"]), row["run"], row["episode"]))
                     normalise(rows)
@@ -95,7 +97,8 @@ def evaluate_suite(task: str, names: Sequence[str], suite: str, out: Path | None
                 env.close()
             folder.write_json("evaluation.json", {
                 "task": task, "policy": names[0], "suite": suite, "made_by": provenance(),
-                "seeds": [starts[0].seed, starts[-1].seed], "is_complete": len(rows) == progress.total,
+                "environment": options, "seeds": [starts[0].seed, starts[-1].seed],
+                "is_complete": len(rows) == progress.total,
                 "policies": summarize(rows)})
         progress.close()
         title, summary = f"{task_name(task)}, suite {suite}", summarize(rows)

@@ -21,6 +21,7 @@ from robosim.base.errors import ConfigError
 from robosim.base.output_folder import LOCK
 from robosim.envs.reach import Reach
 from robosim.studies.evaluation.evaluate import evaluate
+from robosim.tasks.actions import follow
 from robosim.tasks.task import load_task
 
 
@@ -46,7 +47,7 @@ def test_adjoint_of_the_map_from_actions_to_twists():
 
 
 def test_first_actions_follow_the_script_and_rest():
-    """The tool reaches the script's pose at the given time, and stays there."""
+    """The tool reaches the script's pose at the given time, and stays there; what is away closes as it is told."""
     task = load_task("SpoonScoop")
     motion = ActionRepeat(task, 10)
     actions = demo.first_actions("script", 0.74, task, motion)
@@ -58,6 +59,10 @@ def test_first_actions_follow_the_script_and_rest():
     position = np.array(task.start.position) + task.step_dt * linear.sum(0)
     assert position == pytest.approx(script.pose(0.74).position, abs=1e-9)
     assert matrix == pytest.approx(script.pose(0.74).matrix, abs=1e-9)
+    on, away = script.pose(0.3), script.pose(9.0)._replace(position=script.pose(9.0).position + [0.004, 0.0, 0.0])
+    assert follow(task, script, on, 0.3, 0.02, 0.1) == pytest.approx(follow(task, script, on, 0.3, 0.02), abs=1e-9)
+    closed = 0.02 * task.action.speed * follow(task, script, away, 9.0, 0.02, 0.1)[:3]
+    assert closed == pytest.approx([-0.2 * 0.004, 0.0, 0.0], abs=1e-12)  # 0.02 s of a time constant of 0.1 s
     for given, until in ((None, 0.5), ("script", 2.1), ("script", 0.0), ("actions.npz", 0.5)):
         with pytest.raises(mpm.InvalidValue, match="--until"):
             demo.first_actions(given, until, task, motion)

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from policies.learners.buffers import DemoReplayBuffer
+from policies.learners.critics import WIDTH, PartsEncoder
 from policies.learners.learner import ENCODERS, build_learner, learner_class
-from policies.learners.networks import WIDTH, PartsEncoder
 from policies.learning.presets import load_preset
 from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names
@@ -15,7 +15,7 @@ from robosim.config.settings import Setting
 
 BUILT = ("SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "GAIL")  # learners that are classes of Stable-Baselines3
 OWN_OPTIONS = {"BC": {"learning_rate", "updates", "batch_size", "net_arch"},
-               "DAgger": {"learning_rate", "updates", "batch_size", "net_arch", "expert_episodes", "noise"},
+               "DAgger": {"learning_rate", "updates", "batch_size", "net_arch", "expert_episodes", "noise", "closing"},
                "GNN-CMA-ES": {"knots", "sigma", "population"}, "replay": set()}
 """Options of the other learners, all of which a preset must give."""
 SLICES = {"particles": slice(0, 24), "tool": slice(24, 31), "time": slice(31, 32)}

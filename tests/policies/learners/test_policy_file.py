@@ -6,7 +6,7 @@ import pytest
 from stable_baselines3 import SAC, TD3
 
 from policies.learners.policy_file import export_policy
-from robosim.studies.evaluation.policies import NetworkPolicy
+from robosim.studies.evaluation.policies import Network
 
 
 @pytest.mark.parametrize("kind", [SAC, TD3])
@@ -21,7 +21,7 @@ def test_a_policy_file_acts_as_the_policy(tmp_path, kind):
         observation = rng.standard_normal(3)
         x = observation
         for k, name in enumerate(stored["activations"]):
-            x = NetworkPolicy.FUNCTIONS[str(name)](stored[f"weight_{k}"] @ x + stored[f"bias_{k}"])
+            x = Network.FUNCTIONS[str(name)](stored[f"weight_{k}"] @ x + stored[f"bias_{k}"])
         x = np.tanh(x) if stored["bound"] == "tanh" else np.clip(x, -1.0, 1.0)
         action, _ = model.predict(((observation - offset) * factor).astype(np.float32), deterministic=True)
         assert 2.0 * x == pytest.approx(action, abs=1e-4)  # the pendulum's torque is -2 to 2

@@ -34,8 +34,7 @@ def test_sub_tasks_are_those_of_the_rehearsals():
 
 def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
     """The order is demonstrations, training, sequence, arm. A failed stage is named with the last line of its output
-    and run again; with another method the stages that depend on it run again. Options that the commands would refuse
-    to continue with are refused at once."""
+    and run again; with another method the stages that depend on it run again."""
     calls, failing = [], {"SpoonPour"}
 
     def start(arguments, stdout=None, **_):
@@ -45,19 +44,14 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
             stdout.write("no such grain\n")
             stdout.flush()
             return ended(1)
-        if arguments[0] == "demo":
-            pipeline.write_json(make_folder(tmp_path, "demonstrations", arguments[1]) / "demonstrations.json", {
-                "demonstrations": [{"among grains of salt": {"tcs": 3.0}, "in clay": {"tcs": 9.0}}]})
         if arguments[0] == "train":
             folder = make_folder(Path(arguments[arguments.index("--out") + 1]))
             np.savez(folder / "best.npz", actions=np.zeros((2, 3)))
-            pipeline.write_json(folder / "status.json", {"replayed": {"tcs": 4.0}})
         return ended(0)
 
     monkeypatch.setattr(subprocess, "Popen", start)
     assert pipeline.Pipeline(options(tmp_path)).run() == 1
-    output = capsys.readouterr()
-    assert "failed: training of SpoonPour: no such grain" in output.err and "3.00           4.00" in output.out
+    assert "failed: training of SpoonPour: no such grain" in capsys.readouterr().err
     assert [arguments[0] for arguments in calls] == ["demo", "train"] * 3
     assert calls[0][calls[0].index("--from") + 1] == "script" and "--demos" in calls[1]
     calls.clear()
@@ -74,10 +68,6 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
     calls.clear()
     pipeline.Pipeline(options(tmp_path, "--grasp", "weld", "--method", "rlpd")).run()
     assert [arguments[0] for arguments in calls] == ["train"] * 3 + ["chain", "rehearse"]
-    with pytest.raises(mpm.InvalidValue, match="holds a pipeline with --episodes None, now 5; give another folder"):
-        pipeline.Pipeline(options(tmp_path, "--episodes", "5"))
-    with pytest.raises(mpm.InvalidValue, match=r"--set None, now \['field.cell=0.004'\]; give another folder"):
-        pipeline.Pipeline(options(tmp_path, "--set", "field.cell=0.004"))
     stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
     assert len(stages) == 8 and all(stage["state"] == "finished" for stage in stages.values())
 

@@ -15,6 +15,7 @@ from robosim.scene.grains import grain_volume
 from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
+from robosim.tasks.task import load_task
 
 COMBINATIONS = (["tool", "grains"], ["wrist", "height_map", "tool"], ["depth", "time"], ["goal", "point_cloud"],
                 ["time", {"name": "grains", "layout": "moments"}, "tool"],

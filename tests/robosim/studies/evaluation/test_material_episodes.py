@@ -13,7 +13,7 @@ from robosim.config.materials import load_material, overridden
 from robosim.envs import TASKS
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import materials as command
-from robosim.studies.evaluation.material_episode import OWN, play_in_material
+from robosim.studies.evaluation.materials import OWN, play_in_material
 from robosim.tasks.task import TaskConfig, load_task
 
 BUNDLED = [name for name in TASKS if trained(name)]
