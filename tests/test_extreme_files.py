@@ -158,7 +158,7 @@ def compare(path: Path) -> None:
 def draw_points(path: Path, *, as_html: bool = False) -> None:
     peers, plot = read_peers(path), Plot("collapse", "seconds", "error")
     try:
-        draw_peers(plot, peers, 5.0)
+        draw_peers(plot, peers)
         if as_html:  # takes half a second
             plot.html()
     finally:
@@ -187,7 +187,7 @@ TABLES = {
     "status to continue": Reader(continue_run, {**STATUS, "state": "running"}, "status.json"),
     "manifest to continue": Reader(continue_run, MANIFEST, "manifest.json"),
     "earlier report": Reader(compare, REPORT),
-    "points of other codes": Reader(draw_points, {"machine": "x = 12.5 ns", "reference": {"r_final_m": 0.1}, "points": [
+    "points of other codes": Reader(draw_points, {"reference": {"r_final_m": 0.1}, "points": [
         {"code": "other", "cell_m": 0.01, "seconds": 1.0, "r99_m": 0.2, "particles": 10}]}),
     "row of a study": Reader(lambda path: Store(path.parent).find(path.stem), {
         "key": "k", "checksum": digest({"score": 1.0}), "value": {"score": 1.0}}, "k.json"),

@@ -19,7 +19,7 @@ def add_parser(commands: Any) -> None:
                                  "materials, and compare the derivatives with finite differences.")
     parser.add_argument("tasks", nargs="*", metavar="TASK",
                         help=f"of {', '.join(config_names('tasks'))} (default: all)")
-    parser.add_out("gradients.json and gradients.png; rollouts that are finished there are not repeated")
+    parser.add_out("index.html and gradients.json; rollouts that are finished there are not repeated")
     parser.add_number("--jobs", default=1, help="number of rollouts at the same time")
     parser.add_settings("file of every task", "grains.count=100")
     parser.set_defaults(run=run, after_interrupt="finished tasks are kept; the same command continues")

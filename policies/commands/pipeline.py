@@ -32,9 +32,6 @@ def add_parser(commands: Any) -> None:
     parser.add_material("the rehearsal's", "material of the grains")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="friction", help="tool welded to the hand, or "
                         "held by the fingers alone")
-    parser.add_number("--perturb", metavar="N", help="also run the whole arm's motion N times with errors of the "
-                      "robot's model; with --launch on a cluster")
-    parser.add_launcher()
     parser.add_number("--jobs", default=1, help="number of sub-tasks at the same time")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_settings("rehearsal's file", "recorded=[SpoonScoop,SpoonTranslate]")
@@ -47,8 +44,6 @@ def run(options: argparse.Namespace) -> int:
         raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(config_names('rehearsals'))}")
     config_path("training", options.method, "method")
     options.settings.check("rehearsals", options.rehearsal)
-    if options.find_launcher(options) is not None and options.perturb is None:  # before anything is trained
-        raise mpm.InvalidValue(f"--launch {options.launch} without --perturb; accepted: with it")
     from policies.runs.pipeline import Pipeline
 
     return Pipeline(options).run()

@@ -10,12 +10,12 @@ import mpm
 from policies.demonstrations import TASKS
 from policies.demonstrations.generator import surrogate_material
 from policies.demonstrations.motion_loss import DIFFERENCE, MotionLoss
-from policies.demonstrations.summary import draw_gradient_norms
 from policies.learning.environments import make_environment
 from policies.learning.options import check_at_least
-from robosim.base.files import write_json
+from robosim.base.files import write_json, write_text
 from robosim.base.output_folder import OutputFolder
 from robosim.base.study import Job, Study
+from robosim.reports.page import Page
 from robosim.tasks.task import load_task
 
 ACTION_REPEAT = 10
@@ -37,7 +37,7 @@ Results = dict[tuple[str, str], dict[str, np.ndarray]]
 
 
 def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
-    """Differentiate the script of every task in all variants; write gradients.json and gradients.png; return 0.
+    """Differentiate the script of every task in all variants; write gradients.json and index.html; return 0.
     Raises mpm.InvalidValue for an unknown task, jobs below 1, or a process that failed."""
     for task in tasks:
         if Path(task).stem not in TASKS:
@@ -57,12 +57,18 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
 
 
 def write_results(out: Path, tasks: list[str], results: Results) -> None:
-    """Write gradients.json and gradients.png, and print the figures."""
+    """Write gradients.json and a page, and print the figures."""
     rows = [summarise(*key, arrays) for key, arrays in results.items()]
     write_json(out / "gradients.json", rows)
-    draw_gradient_norms(out / "gradients.png", {
-        task: {variant: results[task, variant]["norms"][:, 0] for variant in VARIANTS}
-        for task in (Path(path).stem for path in tasks)})
+    charts: dict[str, dict[str, tuple[list[float], list[float]]]] = {Path(task).stem: {} for task in tasks}
+    for (task, variant), arrays in results.items():
+        norms = arrays["norms"][::-1, 0]
+        positive = np.flatnonzero(norms > 0)
+        charts[task][variant] = positive.tolist(), norms[positive].tolist()
+    page = Page("Growth of derivatives backwards in time")
+    page.add_curves({f"{task}: |d loss / d positions| [1/m]": curves for task, curves in charts.items()},
+                    "reversed step", "A click in the legend hides a curve.", is_logarithmic=True)
+    write_text(out / "index.html", page.html())
     for row in rows:
         print(f"{row['task']:15s} {row['variant']:21s} growth {row['growth'] or float('nan'):9.2e}  "
               f"lost before step {row['lost_before']}  derivative, difference: "

@@ -1,39 +1,12 @@
-"""Summary of demonstrations: the table of their scores, and a plot of derivatives."""
+"""Summary of demonstrations: the table of their scores."""
 
-from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 
-from mpm.files import write
 from policies.demonstrations.generator import DemonstrationGenerator, DemonstrationRequest
 from policies.learning.environments import score_motion
 from robosim.base.files import write_json
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)
-
-
-def draw_gradient_norms(path: Path, norms: dict[str, dict[str, np.ndarray]]) -> None:
-    """Write norms (steps,) over reversed steps to a picture, a panel for each task and a line for each variant.
-    norms: task -> variant -> norms."""
-    columns = min(4, len(norms))
-    rows = -(-len(norms) // columns)
-    figure, axes = plt.subplots(rows, columns, squeeze=False, sharey=True, figsize=(4.2 * columns, 3.4 * rows),
-                                constrained_layout=True)
-    for panel, (task, variants) in zip(axes.flat, norms.items()):
-        for variant, values in variants.items():
-            reversed_norms = values[::-1]
-            positive = np.flatnonzero(reversed_norms > 0)
-            panel.semilogy(positive, reversed_norms[positive], lw=0.9, label=variant)
-        panel.set(title=task, xlabel="reversed step")
-    axes[0, 0].set_ylabel("|d loss / d positions| [1/m]")
-    axes[0, 0].legend(fontsize=7)
-    for panel in axes.flat[len(norms):]:
-        panel.set_visible(False)
-    write(path, lambda temporary: figure.savefig(temporary, dpi=120))
-    plt.close(figure)
 
 
 def write_table(request: DemonstrationRequest, n: int, env: Any, *, arm: bool) -> None:

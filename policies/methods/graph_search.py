@@ -47,7 +47,7 @@ def search_with(training: Training, model: GraphModel, search: Any) -> None:
     search = make_search(training) if search is None else search
     while not training.is_over:
         points = search.ask()
-        motions = [to_motion(training, point) for point in points]
+        motions = [sample_spline(point.reshape(-1, training.dimensions), training.decisions) for point in points]
         costs = []
         for actions in motions:
             frames = list(model.predict_rollout(grains, model.tool_points(start, converter, actions)))
@@ -66,11 +66,6 @@ def make_search(training: Training) -> Any:
         np.zeros((options["knots"], training.dimensions))
     return cma.CMAEvolutionStrategy(knots.ravel(), options["sigma"], {
         "seed": training.seed + 1, "popsize": options["population"], "verbose": -9})  # seed 0 is the clock's
-
-
-def to_motion(training: Training, point: np.ndarray) -> np.ndarray:
-    """Return the motion (decisions, dimensions) of a search's point."""
-    return sample_spline(point.reshape(-1, training.dimensions), training.decisions)
 
 
 def cost(task: Any, grains: np.ndarray, angle: float) -> float:

@@ -33,9 +33,8 @@ DEMO_ARGUMENTS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate"
 """Arguments of `robosim demo` by task. Scooping begins with the script, because the tool must touch its material first;
 pouring, because a descent from rest finds pours that the hand obstructs. ScoopTranslate stops short of its target at
 the default rate."""
-SEQUENCE, ARM, PERTURBED = "sub-tasks in sequence", "whole arm", "whole arm with errors of its model"
-DEPENDENTS = {"demonstrations": ("training of {task}", SEQUENCE, ARM, PERTURBED),
-              "training": (SEQUENCE, ARM, PERTURBED)}
+SEQUENCE, ARM = "sub-tasks in sequence", "whole arm"
+DEPENDENTS = {"demonstrations": ("training of {task}", SEQUENCE, ARM), "training": (SEQUENCE, ARM)}
 """Kind of stage -> the stages that use its result."""
 POLL = 0.5
 """Time [s] between two looks at a folder's lock."""
@@ -83,8 +82,7 @@ class Pipeline:
     def run(self) -> int:
         """Run all stages; return 0, or 1 where one failed."""
         with OutputFolder(self.out) as folder:
-            stages = 2 * len(self.tasks) + (2 if self.options.perturb is None else 3)
-            self._progress = Progress(total=stages, desc="pipeline", unit="commands")
+            self._progress = Progress(total=2 * len(self.tasks) + 2, desc="pipeline", unit="commands")
             pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
             try:
                 has_motions = list(pool.map(self._learn, self.tasks))
@@ -132,10 +130,6 @@ class Pipeline:
         o = self.options
         stages = {SEQUENCE: ["chain", o.rehearsal, *to_words(out=self.out / "chain")],
                   ARM: ["rehearse", o.rehearsal, *to_words(out=self.out / "arm", grasp=o.grasp)]}
-        if o.perturb is not None:
-            stages[PERTURBED] = ["rehearse", o.rehearsal, *to_words(
-                out=self.out / "perturbed", grasp=o.grasp, perturb=o.perturb, jobs=o.jobs, launch=o.launch,
-                launch_file=o.launch_file)]
         shared = [*to_words(motions=self.out / "motions", material=o.material, no_video=o.no_video),
                   *o.settings.arguments]
         results = [self._run_stage(name, [*arguments, *shared]) for name, arguments in stages.items()]

@@ -9,6 +9,7 @@ import numpy as np
 
 import mpm
 from robosim.base.errors import ConfigError, UnreachableWaypoint
+from robosim.cell.arm_sampler import ArmSampler
 from robosim.cell.cell import Cell
 from robosim.config.arm import Grip
 from robosim.coupling.trial_step import STATE
@@ -22,7 +23,6 @@ from robosim.scene.build import build_scene_spec
 from robosim.scene.compiled import compile_scene
 from robosim.scene.grasp import CLOSING_SHARE
 from robosim.scene.models import assemble
-from robosim.senses.arm import ArmSampler
 from robosim.tasks.counting import TOOL
 from robosim.tasks.draw import STANDARD, Setting
 from robosim.tasks.scene_setting import SceneSetting

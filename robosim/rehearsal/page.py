@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from scipy.ndimage import uniform_filter1d
 
 from robosim.episode.sheet import choose_moment
 from robosim.recordings.reader import FILE, Recording
@@ -113,7 +114,7 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
     masses = [Curve(name, frame_times, values[:, names.index(name)])
               for name in ("in the tool", "outside of tool and places")]
     wrist = [Curve(name, frame_times, values[:, names.index(f"wrist {name}")]) for name in ("Fx", "Fy", "Fz")]
-    force = average(readings.stack_steps("tool_force"))
+    force = uniform_filter1d(readings.stack_steps("tool_force"), AVERAGED_STEPS, axis=0)
     torques = readings.stack_steps("torque") / run.plan.arm.torque_limits
     drift, exchanged = (np.cumsum(np.abs(readings.stack_steps(name)), axis=0) for name in ("residual", "exchanged"))
     charts = [
@@ -159,11 +160,3 @@ def energy_curves(run: RehearsalRun) -> list[Curve]:
     rows = {"kinetic": energies[:, 0], "potential": energies[:, 1], "elastic": energies[:, 2], "work of the tool": work,
             "dissipated": work - (energies.sum(1) - energies.sum(1)[0])}
     return [Curve(name, time, 1e3 * row, dashed=name == "dissipated") for name, row in rows.items()]
-
-
-def average(values: np.ndarray) -> np.ndarray:
-    """Return the moving average of values (n, k) over AVERAGED_STEPS."""
-    if len(values) < AVERAGED_STEPS:
-        return values
-    kernel = np.ones(AVERAGED_STEPS) / AVERAGED_STEPS
-    return np.stack([np.convolve(column, kernel, mode="same") for column in values.T], -1)

@@ -1,3 +1,3 @@
 """Observations of a policy: terms that its user chooses, with the rate, latency, noise and dropout of real sensors.
 
-Imports: base, cell, config, dosing, rendering, robot, scene, shapes, tasks, mpm."""
+Imports: base, config, dosing, rendering, robot, scene, shapes, tasks, mpm."""

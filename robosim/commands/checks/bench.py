@@ -1,7 +1,6 @@
 """`robosim bench`: speed of the field, the coupling, kinematics, environments and rendering."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from robosim.studies.benchmarks import FIELD_SCENES, FIELD_SIZES
@@ -24,8 +23,6 @@ def add_parser(commands: Any) -> None:
                         help="field: number of grains (default: %(default)s)")
     parser.add_argument("--scenes", nargs="+", default=list(FIELD_SCENES), metavar="SCENE",
                         help=f"field: scenes, of {', '.join(FIELD_SCENES)} (default: all)")
-    parser.add_argument("--yardsticks", type=Path,
-                        help="field: folder with reference scripts that are timed in the same run")
     parser.add_number("--threads", default=1, help="field: number of CPU threads")
     parser.add_argument("--arch", choices=("cpu", "cuda"), default="cpu", help="field: processor (default: cpu)")
     parser.add_out("bench.json, or bench_field.json", is_required=False)
@@ -37,8 +34,7 @@ def run(options: argparse.Namespace) -> int:
     if options.parts == ["field"]:
         from robosim.studies.benchmarks.field import bench_field
 
-        return bench_field(options.sizes, options.scenes, options.yardsticks, options.out, options.threads,
-                           options.arch)
+        return bench_field(options.sizes, options.scenes, options.out, options.threads, options.arch)
     from robosim.studies.benchmarks.bench import bench
 
     return bench(options.parts, options.out)

@@ -26,7 +26,6 @@ def add_parser(commands: Any) -> None:
                         help="also run the scene with settings from coarse to fine, and find "
                         "the cheapest one whose results differ from those of the finest by at most this: absolute for "
                         "fractions, relative for masses and forces")
-    parser.add_argument("--apply", action="store_true", help="write the scene's file with that setting to --out")
     parser.add_number("--jobs", default=1, help="number of settings that run at the same time")
     parser.add_out("index.html and explain.json; settings that are finished there are not repeated", is_required=False)
     parser.add_settings("task's or rehearsal's file", "field.cell=0.01")
@@ -45,4 +44,4 @@ def run(options: argparse.Namespace) -> int:
                                   options.out) as scene:
         from robosim.studies.benchmarks.explain import explain
 
-        return explain(scene, tolerance=options.tolerance, out=options.out, apply=options.apply, jobs=options.jobs)
+        return explain(scene, tolerance=options.tolerance, out=options.out, jobs=options.jobs)

@@ -24,8 +24,6 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--jobs", default=1, help="number of runs at the same time, each on its own core; measured run "
                       "times are reliable with 1 only")
     parser.add_argument("--points", type=Path, help="JSON file with results of other codes for the column collapse")
-    parser.add_argument("--yardsticks", type=Path, help="folder with reference_layout.py; it is timed, to convert run "
-                        "times of other codes to this machine")
     parser.add_argument("--compare", type=Path, help="report.json of another run, to list what improved and what "
                         "became worse")
     parser.add_launcher()
@@ -38,4 +36,4 @@ def run(options: argparse.Namespace) -> int:
     from robosim.studies.verification.report import report
 
     return report(options.cases, options.out, quick=options.quick, jobs=options.jobs, points=options.points,
-                  yardsticks=options.yardsticks, compare=options.compare, launcher=options.find_launcher(options))
+                  compare=options.compare, launcher=options.find_launcher(options))

@@ -7,9 +7,7 @@ from robosim.base.digests import code_digest
 from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_text
 from robosim.base.output_folder import OutputFolder
-from robosim.base.resources import config_path
 from robosim.base.study import Job, Study
-from robosim.config.table import read
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
 from robosim.studies.benchmarks.scene_run import FRACTIONS
@@ -29,18 +27,15 @@ SETTINGS = {
 """Settings that are compared: factors on the scene's own cell, step, stiffness and grains per cell."""
 
 
-def explain(scene: str, *, tolerance: float | None = None, out: Path | None = None, apply: bool = False,
-            jobs: int = 1) -> int:
+def explain(scene: str, *, tolerance: float | None = None, out: Path | None = None, jobs: int = 1) -> int:
     """Print the parts and costs of a sub-task or rehearsal; with a tolerance, compare settings as well.
 
     tolerance: largest error of the worst reading against the finest setting. out: folder for index.html and
-    explain.json. apply: write the scene's file with the cheapest setting into it. jobs: settings at a time.
+    explain.json. jobs: settings at a time.
     Returns 0, or 1 where no setting within the tolerance is cheaper than the scene's own.
     Raises ConfigError for options that do not fit or a scene that fails."""
     if tolerance is not None and not 0 < tolerance < 1:
         raise ConfigError(f"--tolerance {tolerance}; accepted: above 0, below 1")
-    if apply and (tolerance is None or out is None):
-        raise ConfigError("--apply writes the setting that --tolerance finds into --out; give both")
     kind = "task" if is_task(scene) else "rehearsal"
     settings = [OWN, *(SETTINGS[kind] if tolerance is not None else ())]
     folder = OutputFolder(out) if out else None
@@ -52,11 +47,6 @@ def explain(scene: str, *, tolerance: float | None = None, out: Path | None = No
         print(line)
     rows = None if tolerance is None else compare_settings(results, tolerance)
     status = 0 if rows is None or tolerance is None else print_comparison(rows, results, kind, tolerance)
-    if rows is not None and apply and folder is not None:  # a material's numbers are not part of a scene's file
-        plain = min((row for row in rows if row["within"] and "E" not in row["setting"]),
-                    key=lambda row: row["seconds"])
-        print(f"written, with {describe_setting(plain['setting'])}: "
-              f"{write_scene_file(scene, kind, plain['setting'], folder)}")
     if folder is not None:
         write_page(scene, own, rows, folder)
     return status
@@ -112,20 +102,6 @@ def compare_settings(results: list[dict[str, Any]], tolerance: float) -> list[di
                      "error": errors[worst], "speedup": finest["seconds"] / result["seconds"],
                      "within": errors[worst] <= tolerance})
     return rows
-
-
-def write_scene_file(scene: str, kind: str, setting: dict[str, float], folder: OutputFolder) -> Path:
-    """Write the scene's file with a setting applied."""
-    config: Any = read(config_path("tasks" if kind == "task" else "rehearsals", scene, "scene"))
-    field = config["field"]
-    for key in ("cell", "grains_per_cell"):
-        if key in setting and key in field:
-            field[key] = float(field[key]) * setting[key]
-    if setting.get("dt") and field.get("dt"):
-        field["dt"] = float(field["dt"]) * setting["dt"]
-    if config.get("tool_wall") not in (None, "shell"):
-        config["tool_wall"] = min(max(config["tool_wall"], 0.5 * field["cell"]), field["cell"])
-    return folder.write_yaml(f"{Path(scene).stem}.yaml", config)
 
 
 def describe_setting(setting: dict[str, float]) -> str:

@@ -1,11 +1,9 @@
-"""`robosim bench field`: nanoseconds per particle and substep, with reference programs timed in the same run."""
+"""`robosim bench field`: nanoseconds per particle and substep."""
 
 import json
-import shutil
 import statistics
 import subprocess
 import sys
-import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -17,22 +15,17 @@ from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.output_folder import OutputFolder
 from robosim.studies.benchmarks import FIELD_SCENES
 from robosim.studies.verification.cases.coupling.shell_leak import AXES, bowl
-from robosim.studies.verification.report import YARDSTICK, YARDSTICK_FIGURE, run_yardstick
 
-YARDSTICKS = {YARDSTICK: ("reference", (), YARDSTICK_FIGURE),
-              "lane_fused.py": ("prototype", ("bench",), r"ns/particle-substep ([0-9.]+)")}
-"""Python script in the folder given by --yardsticks -> (name, arguments, pattern of the figure in its output)."""
 CORNER, MARGIN = 0.3, 6.0
 """Corner of the block of grains [m], and the least distance from its other side to the walls in cells."""
 SUBSTEPS = 10
 """Substeps of one launch, a typical host step."""
 
 
-def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, out: Path | None,
-                threads: int = 1, arch: str = "cpu") -> int:
+def bench_field(sizes: list[int], scenes: list[str], out: Path | None, threads: int = 1, arch: str = "cpu") -> int:
     """Time scenes of these sizes, each in a fresh process; print a JSON line each and write bench_field.json.
-    yardsticks: folder of reference programs, whose speed each line is compared with. With several threads, or on a GPU
-    (arch "cuda"), each line has the speed-up over one CPU thread. A scene that cannot run there has the reason.
+    With several threads, or on a GPU (arch "cuda"), each line has the speed-up over one CPU thread. A scene that cannot
+    run there has the reason.
     Returns 0, or 1 where a scene could not run. Raises UnknownName for a scene that does not exist."""
     for scene in scenes:
         if scene not in FIELD_SCENES:
@@ -40,14 +33,12 @@ def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, ou
     folder = OutputFolder(out) if out else None
     lines: list[dict] = []
     for grains in sizes:
-        references = _time_yardsticks(yardsticks, grains) if yardsticks else {}
         for scene in scenes:
             line = {"case": "bench_field", "scene": scene, "grains": grains, "arch": arch, "threads": threads}
             try:
                 line |= _in_fresh_process(scene, grains, threads, arch)
                 if threads > 1 or arch != "cpu":
                     line["speedup_over_one_thread"] = _in_fresh_process(scene, grains, 1, "cpu")["ns"] / line["ns"]
-                line |= {f"speedup_over_{name}": figure / line["ns"] for name, figure in references.items()}
             except ConfigError as error:  # the other scenes may run
                 line["refused"] = str(error)
             lines.append(line)
@@ -66,31 +57,6 @@ def _in_fresh_process(scene: str, grains: int, threads: int, arch: str) -> dict[
     if process.returncode != 0:
         raise ConfigError(f"{(process.stderr.strip().splitlines() or ['the process printed no error'])[-1]}")
     return json.loads(process.stdout.strip().splitlines()[-1])
-
-
-def _time_yardsticks(folder: Path, grains: int) -> dict[str, float]:
-    """Return nanoseconds per particle and substep of the reference programs in a folder, by name."""
-    found = {name: run_yardstick([sys.executable, str(folder / file), *words, str(grains)], pattern)
-             for file, (name, words, pattern) in YARDSTICKS.items() if (folder / file).is_file()}
-    found["limit"] = _time_probe(folder / "limit_probe.cpp", grains)
-    figures = {name: figure for name, figure in found.items() if figure is not None}
-    for name, ns in figures.items():
-        print(json.dumps({"case": "bench_field", "yardstick": name, "grains": grains, "ns": round(ns, 3)}), flush=True)
-    return figures
-
-
-def _time_probe(source: Path, grains: int) -> float | None:
-    """Return nanoseconds per particle and substep of a loop in C++; None where it cannot be built."""
-    compiler = shutil.which("g++") or shutil.which("clang++")
-    if not source.is_file() or compiler is None:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        built = Path(folder) / "probe"
-        options = ["-O3", "-march=native", "-ffast-math", "-std=c++17", str(source), "-o", str(built)]
-        if subprocess.run([compiler, *options], capture_output=True).returncode != 0:
-            return None
-        speed = run_yardstick([str(built), str(grains)], r"total ([0-9.]+) Mp/s")
-    return None if speed is None else 1e3 / speed
 
 
 def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float]:

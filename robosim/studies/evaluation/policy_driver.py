@@ -8,6 +8,7 @@ import numpy as np
 import mpm
 from mpm.geometry.rigid_motion import relative_rotation, rotate
 from robosim.base.errors import ConfigError, DriverFault
+from robosim.cell.arm_sampler import ArmSampler
 from robosim.cell.drivers import RobotState
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.recorded_motions import SubTaskMotion, load_sequence
@@ -16,7 +17,6 @@ from robosim.robot.inverse_kinematics import step_towards
 from robosim.robot.joint_control import JointSmoother
 from robosim.robot.timing import JointState
 from robosim.scene.grains import is_in_tool
-from robosim.senses.arm import ArmSampler
 from robosim.senses.perception import Perception
 from robosim.senses.term import SenseScene, Sight
 from robosim.studies.evaluation.policies import MAX_REPEAT, Network, check_task, load_policy
@@ -150,7 +150,7 @@ class PolicyDriver:
         self._grains, self._lost = grains, np.zeros(len(grains), bool)
         self._senses = Perception(task, stage.network.obs.split(","), flatten=True)
         self._senses.build(SenseScene(task, run.material, run.solver, self))
-        self._sampler = ArmSampler(run.cell.scene, run.cell.data, run.plan.arm) if self._senses.reads_arm else None
+        self._sampler = ArmSampler(run.cell) if self._senses.reads_arm else None
 
     def _sight(self, stage: Stage, tool: mpm.Pose, step: int) -> Sight:
         """Return what the policy's terms see: tool and grains in the frame of the sub-task's own scene."""

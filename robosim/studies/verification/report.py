@@ -1,8 +1,5 @@
 """`robosim report`: verification cases, error against run time, as a page and JSON."""
 
-import re
-import subprocess
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,21 +14,19 @@ from robosim.studies.verification.cases.case import describe
 from robosim.studies.verification.report_page import add_comparison, make_page
 from robosim.studies.verification.runs import execute_runs, replace_non_finite, summarize_case
 
-POINTS = {"machine": (str, ...), "reference": {"r_final_m": float},
+POINTS = {"reference": {"r_final_m": float},
           "points": [{"code": str, "cell_m": float, "seconds": float, "r99_m": float, "particles": float}]}
 """Form of the file of other codes' results."""
-YARDSTICK, YARDSTICK_FIGURE = "reference_layout.py", r'"ns_per_particle_substep": ([0-9.]+)'
-"""Script that prints the nanoseconds per particle and substep of a reference implementation, and how."""
 
 
 def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, points: Path | None = None,
-           yardsticks: Path | None = None, compare: Path | None = None, launcher: Launcher | None = None) -> int:
+           compare: Path | None = None, launcher: Launcher | None = None) -> int:
     """Run cases, all when the list is empty, and write index.html and report.json.
 
     names: of cases, or of subjects such as "forces", which stand for all of their cases. quick: their quick sweeps.
-    jobs: runs at a time. points: JSON file with other codes' results on the column collapse. yardsticks: folder of
-    YARDSTICK, to convert their seconds. compare: report.json of an earlier run. launcher: runs the runs elsewhere.
-    Returns 0 if every expectation is met, else 1. Raises ConfigError, UnknownName for what cannot be used."""
+    jobs: runs at a time. points: JSON file with other codes' results on the column collapse. compare: report.json of an
+    earlier run. launcher: runs the runs elsewhere. Returns 0 if every expectation is met, else 1.
+    Raises ConfigError, UnknownName for what cannot be used."""
     names = expand(names) or list(NAMES)
     if jobs < 1:
         raise ConfigError(f"--jobs {jobs}; accepted: 1 or more")
@@ -39,12 +34,11 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
     earlier = read_json(compare) if compare else None
     with OutputFolder(out) as folder:
         runs = execute_runs(names, quick, folder.path, jobs, launcher)
-        speed = measure_yardstick(yardsticks) if yardsticks else None
         results = {name: summarize_case(name, [run for run in runs if run.case == name]) for name in names}
-        content = replace_non_finite({"made_by": provenance(), "yardstick_ns": speed, "cases": results,
+        content = replace_non_finite({"made_by": provenance(), "cases": results,
                                       "runs": [asdict(run) for run in runs]})
         folder.write_json("report.json", content)
-        page = make_page(results, runs, peers, speed)
+        page = make_page(results, runs, peers)
         if earlier is not None:
             add_comparison(page, earlier, content)
         folder.write_text("index.html", page.html())
@@ -89,21 +83,3 @@ def read_json(path: Path) -> Any:
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: cannot be read as JSON: {str(error).removeprefix(f'{path}: ')}; it is left as "
                           f"it is") from None
-
-
-def measure_yardstick(folder: Path) -> float:
-    """Run the yardstick; return its nanoseconds per particle and substep on this machine.
-    Raises ConfigError where the script is missing or prints no figure."""
-    script = folder / YARDSTICK
-    if not script.is_file():
-        raise ConfigError(f"--yardsticks {folder}: no {YARDSTICK} in it")
-    figure = run_yardstick([sys.executable, str(script), "50000"], YARDSTICK_FIGURE)
-    if figure is None:
-        raise ConfigError(f"{script}: prints no ns_per_particle_substep")
-    return figure
-
-
-def run_yardstick(command: list[str], pattern: str) -> float | None:
-    """Run a reference program; return the figure that it prints, None where there is none."""
-    match = re.search(pattern, subprocess.run(command, capture_output=True, text=True, check=False).stdout)
-    return float(match[1]) if match else None

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from typing import Any
 
 from robosim.base.errors import ConfigError
@@ -24,10 +23,9 @@ NOTABLE = 1.05
 """Ratio of errors or seconds from which a change is listed."""
 
 
-def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | None, speed: float | None) -> Page:
+def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | None) -> Page:
     """Make the page.
-    results: case -> its part of report.json. peers: other codes' results on the column collapse. speed: nanoseconds per
-    particle and substep of the yardstick on this machine, to convert the peers' seconds."""
+    results: case -> its part of report.json. peers: other codes' results on the column collapse."""
     page = Page("Verification: error against run time")
     page.add_heading("Expectations")
     page.add_text("Errors are relative, unless they have a unit.")
@@ -39,7 +37,7 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
         page.add_text(f"Reference: {result['source']}")
         records = [run.record for run in runs if run.case == name and run.record is not None]
         if records:
-            page.add_plot(draw_case(name, records, peers, speed), "Seconds after compilation, on one core.")
+            page.add_plot(draw_case(name, records, peers), "Seconds after compilation, on one core.")
             page.add_table(["series", "runs", "observed orders", "seconds to 1 %", f"least {result['headline']}"],
                            [[one["label"], len(one["points"]), ", ".join(f"{o:.2f}" for o in one["orders"]),
                              one["seconds_to_1_percent"], min(p[1] for p in one["points"])]
@@ -78,7 +76,7 @@ def _add_runs(page: Page, records: list[Record]) -> None:
                      *(r.errors.get(key) for key in errors)] for chosen, r in zip(choices, records)])
 
 
-def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, speed: float | None) -> str:
+def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None) -> str:
     """Draw a case's main error against seconds; return it as HTML."""
     case, peers = find(name), peers if name == PEERS_CASE else None
     drawn = PEERS_ERROR if peers else case.main_error
@@ -92,7 +90,7 @@ def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, sp
         all_points += points
     plot.add_front([all_points[k] for k in pareto_front(all_points)])
     if peers:
-        draw_peers(plot, peers, speed)
+        draw_peers(plot, peers)
     for one in case.expectations:
         if isinstance(one, Within) and one.name == drawn and one.high > 0 \
                 and select(records, one.where):  # one of f64 says nothing about runs of f32
@@ -100,20 +98,17 @@ def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, sp
     return plot.html()
 
 
-def draw_peers(plot: Plot, peers: dict[str, Any], speed: float | None) -> None:
-    """Draw other codes' results on the column collapse, with their seconds converted to this machine's."""
-    yardstick = re.search(r"=\s*([0-9]+(\.[0-9]+)?) ns", peers.get("machine", ""))
-    factor = speed / float(yardstick[1]) if speed and yardstick else 1.0
+def draw_peers(plot: Plot, peers: dict[str, Any]) -> None:
+    """Draw other codes' results on the column collapse, with the seconds that they took on their own machine."""
     rim = float(peers["reference"]["r_final_m"])
     by_code: dict[str, list] = {}
     for point in peers["points"]:
         by_code.setdefault(point["code"], []).append(point)
     for code, points in by_code.items():
-        places = [(p["seconds"] * factor, abs(p["r99_m"] / rim - 1)) for p in points]
+        places = [(p["seconds"], abs(p["r99_m"] / rim - 1)) for p in points]
         tooltips = [f"{code}\ncell {p['cell_m']} m, {p['particles']} particles, {p.get('cores', 1)} cores\n"
-                    f"{p['seconds']} s on its machine, {p['seconds'] * factor:.3g} s on this one" for p in points]
-        plot.add_series(places, tooltips, code + (" (seconds of another machine)" if factor == 1.0 else ""),
-                        joined=False)
+                    f"{p['seconds']} s on its machine" for p in points]
+        plot.add_series(places, tooltips, f"{code} (seconds of another machine)", joined=False)
 
 
 def add_comparison(page: Page, old: dict[str, Any], new: dict[str, Any]) -> list[list[object]]:

@@ -28,7 +28,7 @@ MODULES = {
     "coupling.shell_leak": ("shell_leak",), "coupling.impacts": ("closed_system", "bar_impact"),
     "coupling.floating": ("floating_cube",),
     "coupling.blocks": ("block_at_rest", "sliding_block", "rest_height"),
-    "coupling.carriages": ("carried_load", "driven_wheel"), "coupling.swinging_ball": ("swinging_ball",),
+    "coupling.carriages": ("carried_load",), "coupling.swinging_ball": ("swinging_ball",),
     "forces.plates": ("plate_map", "plate_pull"), "forces.walls": ("plate_drag", "retaining_wall", "silo_load"),
     "forces.dropped_sphere": ("dropped_sphere",), "scenes.sleeping_scenes": ("sleeping_scenes",),
     "robot.kinematics": ("ik_poses", "jerk_limits", "two_models"),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robosim.studies.verification.cases.case import Case, Expectation, Finding, Record, select, value_of
+from robosim.studies.verification.cases.case import Case, Expectation, Finding, Record
 
 
 @dataclass(frozen=True)
@@ -74,22 +74,6 @@ class Approach(Expectation):
             found = max(found, key=lambda q: np.inf if np.isnan(q) else max(q - 1.0, -q))
         return self.finding(f"ratio of successive {self.name}, {self.resolution} "
                             + ", ".join(f"{end:g}" for end in self.ends), found, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Rising(Expectation):
-    """A reading rises along a choice."""
-
-    name: str
-    resolution: str
-    where: dict[str, Any] = field(default_factory=dict)
-
-    def evaluate(self, records: Sequence[Record]) -> Finding:
-        """Find the smallest rise from one run to the next."""
-        rows = sorted((record.choices[self.resolution], value_of(record, self.name))
-                      for record in select(records, self.where))
-        smallest = float(np.diff([row[1] for row in rows]).min()) if len(rows) > 1 else None
-        return Finding(f"{self.name} rises with {self.resolution}", smallest, 1e-6, np.inf)
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,6 @@ MORE: dict[str, list[list[dict]]] = {
     "carried_load": [[choices] for choices in (
         {"material": "sugar"}, {"material": "flour"}, {"acceleration": 5.0})],
     "floating_cube": [[{"cell": 0.008, "offset_cells": o}] for o in (0.0, 0.5)],
-    "driven_wheel": [find("driven_wheel").sweep],
     "plate_drag": [[{"cell": 0.01, "speed": speed} for speed in (0.01, 0.1)]],
     "plate_map": [[{"directions": "down", "side": side} for side in (0.02, 0.04, 0.06)]],
     "plate_pull": [[{"cell": 0.01}, {"cell": 0.01, "law": "dense"}, {"cell": 0.01, "square": True}]],

@@ -1,4 +1,4 @@
-"""A spoon and a wheel on carriages whose motion is prescribed."""
+"""A spoon on a carriage whose motion is prescribed."""
 
 import numpy as np
 
@@ -6,10 +6,9 @@ import mpm
 from robosim.config.materials import load_material
 from robosim.coupling.plugin import Coupling
 from robosim.scene.field import build_tool_sdf
-from robosim.studies.verification.cases.beds import set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
-from robosim.studies.verification.cases.expectations import Rising, Within, each_within
-from robosim.studies.verification.cases.rigid_body import G, couple
+from robosim.studies.verification.cases.expectations import each_within
+from robosim.studies.verification.cases.rigid_body import couple
 
 SPOON_STEP, SPOON_MASS = 1e-3, 0.133
 BOWL = np.array([0.035, 0.025, 0.030])
@@ -28,26 +27,6 @@ GANTRY = """
     </body>
   </worldbody>
   <sensor><force site="wrist"/></sensor>
-</mujoco>
-"""
-RADIUS, WIDTH, LOAD, SPEED = 0.05, 0.04, 5.0, 0.1
-"""Of the wheel: [m], [m], [N], [m/s] at the rim."""
-BED = (0.40, 0.14, 0.05)
-FRICTION_ANGLE, HOST_STEP = 35.0, 0.002
-WHEEL = """
-<mujoco>
-  <option timestep="{host_step}" integrator="implicitfast"/>
-  <worldbody>
-    <body name="carriage" pos="0.08 {y} {z}">
-      <joint name="along" type="slide" axis="1 0 0" armature="100"/>
-      <joint type="slide" axis="0 0 1"/>
-      <inertial mass="0.01" pos="0 0 0" diaginertia="1e-4 1e-4 1e-4"/>
-      <body name="wheel">
-        <joint name="axle" axis="0 1 0" armature="1"/>
-        <geom type="cylinder" size="{radius} {half}" euler="90 0 0" mass="{mass}"/>
-      </body>
-    </body>
-  </worldbody>
 </mujoco>
 """
 
@@ -85,31 +64,3 @@ def carried_load(*, material: str = "salt", acceleration: float = 2.0, cell: flo
     local = solver.positions() - data.body("spoon").xpos
     return timed.record(errors, mass=mass, speed=data.qvel[0],
                         left=np.mean(((local / (BOWL + 0.004)) ** 2).sum(1) > 1.0))
-
-
-@case(
-    source="Wong, Theory of Ground Vehicles, ch. 2: on dry sand a wheel's drawbar pull is negative at zero slip, rises "
-           "with slip, and levels out below W tan(phi), the most that shear under the load W can give",
-    sweep=grid(slip=(0.0, 0.15, 0.3, 0.5)), quick=[{"slip": 0.3, "duration": 1.0}],
-    # in units of the limit
-    expectations=(Within("above_limit", 0.0, low=0.0), Rising("pull", "slip")), main_error="above_limit")
-def driven_wheel(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.0, precision: str = "f32") -> Record:
-    """Wheel driven over sand at a prescribed slip.
-
-    Measured: excess of the drawbar pull over W tan(phi), in which the reading `pull` is, over the second half; and
-    whether the pull rises with slip. slip = 1 - (speed of the axle) / (speed of the rim)."""
-    positions = mpm.sample_box((0, 0, 0), BED, cell / 2)
-    sand = mpm.DruckerPrager(E=5e5, nu=0.3, density=1600.0, friction_angle_deg=FRICTION_ANGLE)
-    timed, solver = set_up(mpm.Body(sand, positions, volume=np.prod(BED) / len(positions)),
-                           (BED[0], BED[1], BED[2] + 0.12), cell, precision=precision, walls=mpm.Walls.all("slip"))
-    plugin = couple(WHEEL.format(host_step=HOST_STEP, y=BED[1] / 2, z=BED[2] + RADIUS, radius=RADIUS, half=WIDTH / 2,
-                                 mass=LOAD / G - 0.01), solver, bodies={"wheel": None})
-    data, pulls = plugin.data, []
-    for step in range(round(duration / HOST_STEP)):
-        # the carriage is too heavy, the axle too stiffly driven, for the sand to change their speeds within a step
-        data.qvel[0], data.qvel[2] = SPEED * (1 - slip), SPEED / RADIUS
-        timed.run(plugin.step)
-        if step * HOST_STEP > duration / 2:
-            pulls.append(plugin.wrench("wheel").force[0])
-    pull = float(np.mean(pulls)) / (LOAD * np.tan(np.radians(FRICTION_ANGLE)))
-    return timed.record({"above_limit": max(pull - 1.0, 0.0)}, pull=pull)
