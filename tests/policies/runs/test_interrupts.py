@@ -12,7 +12,7 @@ import pytest
 import stand_ins
 from result_files import check_files, find_unfinished, read_events, read_rows, read_status
 
-from policies.demonstrations import demo, generator, request
+from policies.demonstrations import demo, generator
 from policies.demonstrations.demo import demonstrate
 from policies.learning.options import SearchOptions
 from policies.runs.checkpoint import Checkpoints
@@ -100,7 +100,7 @@ def test_a_checkpoint_is_written_as_often_as_is_asked(tmp_path, point: str, monk
 def valley(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Demonstrations of a loss in closed form; returns the file in which its evaluations are counted."""
     monkeypatch.setattr(generator, "MotionLoss", stand_ins.Valley)
-    for module in (demo, request):
+    for module in (demo, generator):
         monkeypatch.setattr(module, "make_environment", lambda task, **options: stand_ins.PointTask())
     monkeypatch.setenv("EVALUATIONS", str(tmp_path / "evaluations"))
     return tmp_path / "evaluations"
