@@ -46,19 +46,6 @@ def surface_back(fields: ti.template(), index: ti.template(), motion: ti.templat
 
 
 @ti.func
-def normal_back(fields: ti.template(), index: ti.template(), motion_bar: ti.template(), s: ti.i32, R, r, y, n_t,
-                normal_bar):
-    """Add the adjoint of the normal of a surface at r from its origin to those of the tool's motion."""
-    y_bar = fields.colliders[index].sdf.at_back(y, R.transpose() @ normal_bar, ti.cast(0.0, fields.real), fields.real)
-    r_bar = R @ y_bar
-    R_bar = normal_bar.outer_product(n_t) + r.outer_product(y_bar)
-    for c in ti.static(range(3)):
-        add(motion_bar, s, ORIGIN + c, -r_bar[c])
-        for k in ti.static(range(3)):
-            add(motion_bar, s, AXES + 3 * c + k, R_bar[c, k])
-
-
-@ti.func
 def add(table: ti.template(), s: ti.i32, place: ti.template(), value):
     """Add to an entry of a double-precision table."""
     table[s, place] = table[s, place] + ti.cast(value, ti.f64)
