@@ -61,7 +61,7 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
             if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
                 surface = surface_velocity(step.motion, 0, step.row, r)
                 normal, n_t, of_material = touched_face(
-                    a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y)
+                    a.fields, a.nodes, step.place, I, 0, a.fields.colliders[index].sdf, R, y)
                 if normal.norm_sqr() > 0:
                     v_bar, surface_bar, normal_bar = coulomb_back(v, surface, normal,
                                                                   a.fields.parameters.frictions[index], v_bar)

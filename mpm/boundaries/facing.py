@@ -115,9 +115,10 @@ def growth_along(normal, here, above, below):
 
 
 @ti.func
-def has_touching_grains(fields: ti.template(), I):
+def has_touching_grains(fields: ti.template(), row: ti.template(), I):
     """Return whether some particle with mass at node I touches a solid in this stride, see `note_touching`."""
-    return fields.grid.touching[in_first_layer(fields.grid, I)] == fields.grid.stamp[I // BLOCK]
+    J = in_first_layer(fields.grid, I)
+    return fields.grid.touching[row, J[0], J[1], J[2]] == fields.grid.stamp[I // BLOCK]
 
 
 @ti.func
@@ -125,21 +126,22 @@ def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal):
     """Return whether the material of node I touches a face of normal (3,), away from edges.
     nodes, k: see `node_mass`."""
     result = False
-    if has_touching_grains(fields, I):
+    if has_touching_grains(fields, fields.features.static_row, I):
         _J, here, above, below = deciding_node(fields, nodes, k, I)
         result = growth_along(normal, here, above, below) > FACING
     return result
 
 
 @ti.func
-def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.template(), R, y):
+def touched_face(fields: ti.template(), nodes: ti.template(), k, I, row: ti.template(), solid: ti.template(), R, y):
     """Return the normal (3,) of the face of a solid that the material of node I touches, zero where it touches none;
     the solid's own at y; and whether the material's surface has decided.
-    R: axes of the solid; y: the node in its frame. nodes, k: see `node_mass`. Inside a solid the closest face can be
-    one without material, and at an edge it is none: there the material's own surface decides."""
+    row: of the solid among those that move; R: its axes; y: the node in its frame. nodes, k: see `node_mass`. Inside a
+    solid the closest face can be one without material, and at an edge it is none: there the material's own surface
+    decides."""
     result, of_material = 0.0 * y, False
     n_t, phi = solid.at(y)
-    if phi < FACE * fields.cell and has_touching_grains(fields, I):
+    if phi < FACE * fields.cell and has_touching_grains(fields, row, I):
         J, here, above, below = deciding_node(fields, nodes, k, I)
         normal = R @ n_t
         is_facing = growth_along(normal, here, above, below) > FACING

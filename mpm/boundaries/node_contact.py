@@ -17,7 +17,8 @@ REACH = FACE + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
 def cache_static_contact(static_contact: ti.template(), shape: ti.template(), owner: ti.i32, is_first: ti.i32,
                          pose: ti.types.ndarray(), origin: ti.types.vector(3, ti.f64), cell: ti.f64,
                          on_gpu: ti.template()):
-    """Store normal and distance (n, phi) of a collider that never moves, at nodes inside it or up to a cell in front.
+    """Store normal and distance (n, phi) of a collider that never moves, at nodes inside it or up to 1.2 cells in
+    front, as far as particles within half a cell look.
     is_first: what the nodes held before is forgotten."""
     ti.loop_config(serialize=not on_gpu)
     for block in ti.grouped(static_contact.owned):
@@ -32,7 +33,7 @@ def cache_static_contact(static_contact: ti.template(), shape: ti.template(), ow
         y = R.transpose() @ (ti.cast(I, ti.f64) * cell + origin - c)
         n, phi = shape.at(y)
         is_closest = static_contact.owner[I] == 0 or phi < static_contact.plane[I][3]
-        if phi < cell and is_closest and not is_at_edge(shape, y, n, phi, cell):
+        if phi < 1.2 * cell and is_closest and not is_at_edge(shape, y, n, phi, cell):
             world = R @ n
             static_contact.plane[I] = ti.Vector([world[0], world[1], world[2], phi])
             static_contact.owner[I] = owner + 1
@@ -129,7 +130,7 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
             y = R.transpose() @ r
             if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
                 surface = surface_velocity(step.motion, k, step.row, r)
-                normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y)
+                normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, k, fields.colliders[index].sdf, R, y)
                 if normal.norm_sqr() > 0:
                     if ti.static(fields.mobile_place[index] >= 0):
                         list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)

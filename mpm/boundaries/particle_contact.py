@@ -15,8 +15,8 @@ from mpm.state.particle_motion import BACKSTOP, drift_after, move_lane, plane_at
 
 CONTACT_GAP = 0.02
 """Cells between a particle's cube and a solid within which it touches. Grains at rest stay within 0.02."""
-NEARBY = 0.3
-"""Cells within which a particle can come to touch in half of a stride: strides end before any travels farther."""
+NEARBY = 0.34
+"""Cells within which a particle can come to touch in half of a stride: it travels 0.19 cells at most, a solid 0.13."""
 SOLID_RECOVERY = 0.01
 """Cells by which a particle is brought out of a solid in a stride: enough against the slow drift of a fluid towards a
 face (1e-3), too little to throw what a scene begins with inside a tool."""
@@ -55,9 +55,8 @@ def note_touching(fields: ti.template(), step: ti.template(), first, last):
         axes = [once(collider_axes(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
         for place in range(first, last):
             q = pack_at(fields, place)
-            touching = 0
             for k, index in ti.static(enumerate(fields.features.moving_solids)):
-                near = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k], NEARBY)
+                near, touching = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k], NEARBY), 0
                 while near > 0:
                     lane = lowest_bit(near)
                     near -= 1 << lane
@@ -67,7 +66,9 @@ def note_touching(fields: ti.template(), step: ti.template(), first, last):
                     approach = (v - surface_velocity(step.motion, k, step.row, r)).dot(axes[k] @ n_t)
                     if phi + time * ti.min(approach, 0.0) < half + CONTACT_GAP * fields.cell:
                         touching |= 1 << lane
+                note_nodes(fields, k, q, touching, step.stamp)
             if ti.static(len(fields.features.static_colliders) > 0):
+                touching = 0
                 for lane in range(LANES):
                     x, v, half = lane_of(fields.particles, q, lane)
                     owner, n, barrier = plane_at(fields, x)
@@ -75,16 +76,23 @@ def note_touching(fields: ti.template(), step: ti.template(), first, last):
                     if owner > 0 and half > 0 and is_active(fields, q, lane) \
                             and phi + time * ti.min(v.dot(n), 0.0) < half + CONTACT_GAP * fields.cell:
                         touching |= 1 << lane
-            while touching > 0:
-                lane = lowest_bit(touching)
-                touching -= 1 << lane
-                x, _v, _h = lane_of(fields.particles, q, lane)
-                base, _f = stencil(fields.grid, [x[d] / fields.cell for d in range(3)])
-                for a, b, c in ti.static(ti.ndrange(3, 3, 3)):
-                    J = ti.Vector([base[0] + a, base[1] + b, base[2] + c])
-                    if ti.static(fields.is_periodic):
-                        J = home_node(fields, J)
-                    fields.grid.touching[J] = step.stamp
+                note_nodes(fields, fields.features.static_row, q, touching, step.stamp)
+
+
+@ti.func
+def note_nodes(fields: ti.template(), row: ti.template(), q, lanes, stamp):
+    """Note the nodes of lanes of pack q, one bit each, as touching; row: see `GridFields.touching`."""
+    left = lanes
+    while left > 0:
+        lane = lowest_bit(left)
+        left -= 1 << lane
+        x, _v, _h = lane_of(fields.particles, q, lane)
+        base, _f = stencil(fields.grid, [x[d] / fields.cell for d in range(3)])
+        for a, b, c in ti.static(ti.ndrange(3, 3, 3)):
+            J = ti.Vector([base[0] + a, base[1] + b, base[2] + c])
+            if ti.static(fields.is_periodic):
+                J = home_node(fields, J)
+            fields.grid.touching[row, J[0], J[1], J[2]] = stamp
 
 
 @ti.func

@@ -49,9 +49,14 @@ class Features:
     """Whether one thread advances the scene; otherwise several threads or a GPU."""
 
     @property
-    def solids(self) -> bool:
-        """Whether a collider is solid."""
-        return bool(self.moving_solids or self.static_colliders)
+    def static_row(self) -> int:
+        """Row of the static solids in tables with one for every solid that moves."""
+        return len(self.moving_solids)
+
+    @property
+    def solids(self) -> int:
+        """Number of solids that move, and one more where some are static."""
+        return len(self.moving_solids) + bool(self.static_colliders)
 
     @property
     def moving_colliders(self) -> tuple[int, ...]:

@@ -43,13 +43,13 @@ def field_memory(grid: Grid, counts: tuple[int, ...], features: Features, parts:
     layers = 2 if features.shells else 1
     each_node = 4.0 * number * (layers + parts * layers)
     each_node += (4 * number + 4) * bool(features.static_colliders) + (4 * number + 8) * layers * bool(features.shells)
-    each_node += 2 * number * layers * features.cell_rates
+    each_node += 4.0 * features.solids + 2 * number * layers * features.cell_rates
     each_node += (40 + 7 * number) * features.sleep
     each_block = 24.0 * layers + 24.0 * features.sleep + 4.0 * bool(features.static_colliders)
     named = 15 + 6 * features.tensor_state + features.volume_state + features.volume_correction
     named += 5 * features.sleep
     named += 3 * (features.precision == "f32") + 3 * features.body_acceleration + 2 * bool(features.shells) + 1
-    named += bool(features.moving_solids or features.shells)
+    named += bool(features.static_colliders or features.moving_colliders)
     lanes = sum(-(-count // LANES) * LANES for count in counts)
     each_lane = named * float(number) + (4.0 + 16.0 / LANES) * features.sleep
     return nodes * (each_node + each_block / BLOCK**3) + lanes * each_lane

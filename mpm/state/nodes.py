@@ -12,7 +12,7 @@ class GridFields:
     shell separates from a node meets the shell there, in a velocity field of its own (see `shell_sides`)."""
 
     def __init__(self, grid: Grid, precision: str, layers: int = 1, lists: bool = True, parts: int = 0,
-                 has_solids: bool = False) -> None:
+                 solids: int = 0) -> None:
         real = real_type(precision)
         nx, ny, nz = grid.shape
         self.layers, self.width, self.cell = layers, nx, grid.cell
@@ -21,8 +21,9 @@ class GridFields:
         self.cells = tuple(int(n) for n in grid.cells)
         self.nodes = ti.Vector.field(4, real, (layers * nx, ny, nz))
         """(momentum, mass) after the scatter, (velocity, mass) after the grid update."""
-        self.touching = ti.field(ti.i32, (nx, ny, nz)) if has_solids else None
-        """Number of the first substep of the stride in which a particle with mass at the node last touched a solid."""
+        self.touching = ti.field(ti.i32, (solids, nx, ny, nz)) if solids else None
+        """Number of the first substep of the stride in which a particle with mass at the node last touched a solid.
+        A row for each solid that moves, and a last one for all that are static."""
         blocks = (layers * nx // BLOCK, ny // BLOCK, nz // BLOCK)
         self.stamp = ti.field(ti.i32, blocks)  # number of the substep in which the block was last active
         self.reached = ti.field(ti.i32, (parts, *blocks)) if parts else None

@@ -129,7 +129,8 @@ def kept_off_walls(fields: ti.template(), axis: ti.template(), x, v, dt):
 def plane_at(fields: ti.template(), x):
     """Return the index plus one, 0 for none, of the static solid at a particle at x [m] (3,), its normal n (3,), and
     the barrier in front of it, where n . place is so much [m]; as they are at the closest node."""
-    I = ti.cast(x / fields.cell + 0.5, ti.i32)
+    last = ti.Vector([n - 1 for n in fields.static_contact.owner.shape])
+    I = ti.max(ti.min(ti.cast(x / fields.cell + 0.5, ti.i32), last), 0)  # also of a scene that diverges
     owner, n, barrier = 0, 0.0 * x, 0.0 * x[0]
     if fields.static_contact.owned[I // BLOCK] > 0:
         owner = fields.static_contact.owner[I]

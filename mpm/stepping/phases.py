@@ -121,7 +121,7 @@ ORDER = (
     Phase("fold periodic sides", "blocks", fold_periodic, *PERIODIC),
     Phase("mark images", "blocks", mark_images, *PERIODIC),
     Phase("fold walls", "walls", fold_walls, *WALL),
-    Phase("note touching particles", "packs", note_touching, lambda f: f.features.solids, "a solid"),
+    Phase("note touching particles", "packs", note_touching, lambda f: f.features.solids > 0, "a solid"),
     Phase("update nodes", "blocks", update_nodes, *ALWAYS),
     Phase("solve mobile contact", "team", solve_mobile_contact, *MOBILE),
     Phase("unfold walls", "walls", unfold_walls, *WALL),

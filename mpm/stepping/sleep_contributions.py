@@ -125,8 +125,8 @@ def add_sleepers(fields: ti.template(), step: ti.template(), first, last):
                         given = fields.sleepers.contribution[I]
                         if given[3] > 0:
                             fields.grid.nodes[I] = q + factors * given
-                            if ti.static(fields.features.solids):  # what sleeps lies where it has touched
-                                fields.grid.touching[I] = step.stamp
+                            for row in ti.static(range(fields.features.solids)):  # it lies where it has touched
+                                fields.grid.touching[row, I[0], I[1], I[2]] = step.stamp
 
 
 @ti.func
