@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from field_parts import at
+from field_parts import at, sand
 
 import mpm
 
@@ -47,3 +47,19 @@ def test_a_plate_away_from_the_bar_is_not_touched() -> None:
     """Its nodes hold mass of the bar, up to a cell and a half away."""
     for place in (0.0, 0.4):
         assert np.all(first_substep(place, 0.25, static=False)[0] == 0.0), place
+
+
+def test_a_tool_above_grains_at_rest_on_another_solid_feels_nothing() -> None:
+    """Nodes of a thin layer that touches its floor reach the tool, a third of a cell above it."""
+    top, layer, gap, level = 0.04, CELL, 0.3 * CELL, [1.0, 0.0, 0.0, 0.0]
+    floor, tool = (mpm.Collider(mpm.Sdf.box(half), friction=0.5, static=static, pose=mpm.Pose(np.array(place), level))
+                   for half, place, static in (((0.1, 0.1, 0.02), (0.06, 0.06, top - 0.02), True),
+                                               ((0.03, 0.03, 0.01), (0.06, 0.06, top + layer + gap + 0.01), False)))
+    x = mpm.sample_box((0.01, 0.01, top), (0.11, 0.11, top + layer), CELL / 2)
+    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.12, 0.12, 0.1), CELL), colliders=[floor, tool],
+                    bodies=[mpm.Body(sand(), x, volume=(CELL / 2) ** 3)]) as solver:
+        for _ in range(10):
+            solver.set_collider_motion(1, tool.pose, tool.pose)
+            solver.advance(2e-3)
+            assert np.all(solver.collider_impulse(1).force == 0.0)
+        assert solver.collider_impulse(0).force[2] < 0.0
