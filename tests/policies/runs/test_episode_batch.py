@@ -2,6 +2,10 @@
 
 import csv
 import json
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,11 +36,24 @@ def make_training(out, preset: Preset, n: int = 2, **options) -> Training:
                                     **options))
 
 
+IEEE = """import sys, mpm
+mpm.init(fast_math=False)
+import test_episode_batch
+test_episode_batch.compared(sys.argv[1], sys.argv[2])
+"""
+
+
 @pytest.mark.parametrize("starts", [pytest.param("nominal", marks=pytest.mark.slow), "random"])
 def test_each_episode_is_that_of_one_environment(tmp_path, starts):
+    """Where sums may not be reordered: the kernels of a batch and of a solver are compiled apart."""
+    subprocess.run([sys.executable, "-c", IEEE, str(tmp_path), starts], check=True,
+                   env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+
+
+def compared(folder, starts):
     """Start, return and score of every row, when its actions are played alone from its start; in the order of the run's
     episodes, and as many as were asked for, which three environments do not divide."""
-    training = make_training(tmp_path, make_preset(episodes=4), 3, starts=starts)
+    training = make_training(Path(folder), make_preset(episodes=4), 3, starts=starts)
     recorded = []
     training.env.on_end = recorded.append
     training.learn()

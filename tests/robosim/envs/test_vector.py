@@ -38,10 +38,6 @@ def of(infos: dict[str, Any], e: int) -> dict[str, Any]:
             if not key.startswith("_") and infos.get(f"_{key}", np.ones(9))[e]}
 
 
-def test_each_environment_behaves_as_it_does_alone(carried: gymnasium.vector.VectorEnv) -> None:
-    compared(carried, "SpoonTranslate")
-
-
 IEEE = """import json, sys, mpm
 mpm.init(fast_math=False)
 import grain_envs, test_vector
@@ -50,10 +46,10 @@ test_vector.compared(grain_envs.make_vector(name, action_repeat=150, **options),
 """
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "options"), [
     ("SpoonTranslate", {"obs": "moments", "randomize": {"friction_angle_deg": (20.0, 40.0)}}),
-    ("SpoonScoop", {"obs": "dict"}), ("DoseSpoon", {}),
+    *(pytest.param(name, options, marks=pytest.mark.slow) for name, options in (
+        ("SpoonScoop", {"obs": "dict"}), ("DoseSpoon", {}))),
 ])
 def test_each_environment_has_the_same_bits_as_alone(name: str, options: dict[str, Any]) -> None:
     """The kernels of a batch and of a solver are compiled apart. Where sums may be reordered, a branch that few grains
