@@ -41,7 +41,7 @@ HEAP = HeapExperiment(kind="heap", data="heap", unit="mm", scale=0.002, height_p
 
 
 def write_file(folder: Path, name: str) -> Path:
-    """Write a file that can be read, and what it refers to beside it."""
+    """Write a file that can be read, and the files it refers to."""
     path, heights = folder / name, np.maximum(0.0, 16 - 0.9 * np.hypot(*np.mgrid[-20:21, -20:21]))
     trimesh.creation.revolve(BOWL, sections=12).export(folder / "mesh.stl")
     arm = write_arm(folder / "arm.xml", 6)

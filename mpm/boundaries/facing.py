@@ -140,8 +140,10 @@ def touched_face(fields: ti.template(), nodes: ti.template(), k, I, row: ti.temp
     solid the closest face can be one without material, and at an edge it is none: there the material's own surface
     decides."""
     result, of_material = 0.0 * y, False
-    n_t, phi = solid.at(y)
-    if phi < FACE * fields.cell and has_touching_grains(fields, row, I):
+    n_t, phi = 0.0 * y, ti.cast(FACE * fields.cell, fields.real)
+    if has_touching_grains(fields, row, I):
+        n_t, phi = solid.at(y)
+    if phi < FACE * fields.cell:
         J, here, above, below = deciding_node(fields, nodes, k, I)
         normal = R @ n_t
         is_facing = growth_along(normal, here, above, below) > FACING

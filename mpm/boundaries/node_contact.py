@@ -129,12 +129,12 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
         if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + FACE * fields.cell) ** 2):
             y = R.transpose() @ r
             if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
-                surface = surface_velocity(step.motion, k, step.row, r)
                 normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, k, fields.colliders[index].sdf, R, y)
                 if normal.norm_sqr() > 0:
                     if ti.static(fields.mobile_place[index] >= 0):
                         list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
                     else:
+                        surface = surface_velocity(step.motion, k, step.row, r)
                         new = coulomb(v, surface, normal, fields.parameters.frictions[index])
                         credit(step.out, fields.rows.first_collider + index, place, mass * (new - v))
                         v = new

@@ -1,4 +1,4 @@
-"""Contact of particles that have entered a moving solid, which the grid's nodes did not stop.
+"""Contact of particles with solids: which nodes carry grains that touch, and what has entered a moving solid.
 Grid nodes cannot stop the last few particles at a curved or thin wall, and would let a fluid pile up at its face: this
 keeps the material's edge there. It takes the approach velocity, and adds what brings the particle out gently."""
 
@@ -14,8 +14,9 @@ from mpm.state.packs import LANES, is_active, lowest_bit, pack_at, packs_of_body
 from mpm.state.particle_motion import BACKSTOP, drift_after, move_lane, plane_at
 
 CONTACT_GAP = 0.02
-"""Cells between a particle's cube and a solid within which it touches. Grains at rest stay within 0.02."""
-NEARBY = 0.34
+"""Cells between a particle's cube and a solid within which it touches. Grains at rest stay within it; with 0.05 sand
+that lands at 0.2 and 0.45 m/s stays 2.0 and 2.9 % too high, with 0.02 it stays 0.8 and 1.7 % too high."""
+LOOK_AHEAD = 0.34
 """Cells within which a particle can come to touch in half of a stride: it travels 0.19 cells at most, a solid 0.13."""
 SOLID_RECOVERY = 0.01
 """Cells by which a particle is brought out of a solid in a stride: enough against the slow drift of a fluid towards a
@@ -56,7 +57,7 @@ def note_touching(fields: ti.template(), step: ti.template(), first, last):
         for place in range(first, last):
             q = pack_at(fields, place)
             for k, index in ti.static(enumerate(fields.features.moving_solids)):
-                near, touching = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k], NEARBY), 0
+                near, touching = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k], LOOK_AHEAD), 0
                 while near > 0:
                     lane = lowest_bit(near)
                     near -= 1 << lane

@@ -47,7 +47,7 @@ def test_adjoint_of_the_map_from_actions_to_twists():
 
 
 def test_first_actions_follow_the_script_and_rest():
-    """The tool reaches the script's pose at the given time, and stays there; what is away closes as it is told."""
+    """The tool reaches the script's pose at the given time, and stays there; displacements close in time."""
     task = load_task("SpoonScoop")
     motion = ActionRepeat(task, 10)
     actions = demo.first_actions("script", 0.74, task, motion)

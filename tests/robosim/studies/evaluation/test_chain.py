@@ -35,7 +35,7 @@ def test_the_next_sub_task_begins_with_the_grains_that_are_left():
     for _ in range(3):
         first.step(still)
     state = first.solver.state()
-    state["x"][:50, 2] += 0.2  # these have left the spoon
+    state["x"][:50, 2] += 0.15  # these have left the spoon
     first.solver.load(state)
     load = handover.take_load(first)
     assert load.count == first.task.grains.count - 50 and load.material == first.material
