@@ -237,32 +237,35 @@ EPISODES = 30
 
 
 def networks(_: Path) -> None:
-    """Train the sweep of the bundled networks, take each finished run's best policy, and score it."""
-    from generators.results.learning import NETWORKS, TRAINED
+    """Train the sweep of the bundled policies, take the best of finished runs, and score those of a task."""
+    from generators.results.learning import KINDS, NETWORKS, TRAINED
 
     from policies.runs.sweep_file import load_sweep, plan_runs
 
     words = ["sweep", "configs/published/networks.yaml", "--jobs", "2"]
     subprocess.run([sys.executable, "-m", "robosim", *words], cwd=HERE.parent, check=False)
-    jobs = []
+    taken: dict[str, list[str]] = {}
     for run in plan_runs(load_sweep(HERE.parent / words[1])):
         task, best = run.arguments[2], HERE.parent / run.out / "best_policy.npz"
         if run.state != "finished" or not best.is_file():
-            print(f"{task}: {run.state}, no policy")
+            print(f"{run.out}: {run.state}, no policy")
             continue
-        shutil.copy2(best, TRAINED / "networks" / f"{task}.npz")
-        jobs += [(task, suite, HERE.parent / run.out.parent / suite) for suite in SUITES]
+        policy = TRAINED / KINDS[run.out.parent.name] / f"{task}.npz"
+        shutil.copy2(best, policy)
+        taken.setdefault(task, []).append(str(policy.relative_to(HERE.parent)))
 
-    def score(task: str, suite: str, out: Path) -> None:
-        scored, policy = out / "evaluation.json", TRAINED / "networks" / f"{task}.npz"
-        if not scored.is_file() or scored.stat().st_mtime < policy.stat().st_mtime:
-            command(["evaluate", task, "--policy", f"policies/trained/networks/{task}.npz", "--suite", suite,
+    def score(task: str, suite: str) -> None:
+        out = HERE.parent / "out" / "networks" / task / suite
+        scored, newest = out / "evaluation.json", max((HERE.parent / path).stat().st_mtime for path in taken[task])
+        if not scored.is_file() or scored.stat().st_mtime < newest:
+            beside = ["--beside", *taken[task][1:]] if taken[task][1:] else []
+            command(["evaluate", task, "--policy", taken[task][0], *beside, "--suite", suite,
                      "--episodes", str(EPISODES)], out)
         for end in ("json", "csv"):
             shutil.copyfile(out / f"evaluation.{end}", NETWORKS / f"{task}_{suite}.{end}")
 
     with ThreadPoolExecutor(2) as pool:
-        list(pool.map(score, *zip(*jobs)))
+        list(pool.map(score, *zip(*((task, suite) for task in taken for suite in SUITES))))
     table = HERE.parent / "out" / "networks" / "tables"
     command(["tables", "out/networks"], table)
     rows = json.loads((table / "tables.json").read_text())

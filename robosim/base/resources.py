@@ -23,7 +23,7 @@ def folder(name: str) -> Path:
 
 
 def trained(task: str, kind: str = ".") -> Path | None:
-    """Return the path of the bundled motion of a sub-task, or of its "networks"; None where there is none."""
+    """Return the path of the bundled motion of a sub-task, of its policy in "networks" or "students"; or None."""
     path = CHECKOUT / "policies" / "trained" / kind / f"{task}.npz"
     return path if path.is_file() else None
 

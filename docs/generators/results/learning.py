@@ -2,6 +2,7 @@
 
 import io
 import json
+from pathlib import Path
 from statistics import median
 
 import matplotlib as mpl
@@ -18,6 +19,8 @@ from policies.runs.sweep_file import load_sweep, plan_runs
 TRAINED = ROOT / "policies" / "trained"
 NETWORKS = ROOT / "docs" / "results" / "data" / "networks"
 """What `robosim evaluate` wrote on each network; the rows of the episodes are beside, as .csv."""
+KINDS = {"dagger": "networks", "student": "students"}
+"""Line of the sweep that makes the bundled policies -> folder of policies/trained."""
 COMPARED = ("knowing", "recorded", "scripted")
 SINGLE_CHANGES = ("single_changes.yaml", "thousand_decisions.yaml")
 
@@ -76,17 +79,21 @@ def changes_figure() -> str:
 
 
 def networks_page() -> str:
-    """Normalised scores of the bundled networks on each suite, beside those of the policies from the same starts."""
+    """Normalised scores of the bundled policies on each suite, beside those of the others from the same starts."""
     rows, _ = collect_rows([TRAINED / "networks.json"])
     evaluations = [json.loads(path.read_text()) for path in sorted(NETWORKS.glob("*.json"))]
     parts = []
     for suite in dict.fromkeys(one["suite"] for one in evaluations):
         own = [one for one in evaluations if one["suite"] == suite]
-        lines = [[one["task"], *(cell for name in ("network", *COMPARED) for cell in score_and_success(
-            one["policies"].get(one["policy"] if name == "network" else name)))] for one in own]
+        lines = []
+        for one in own:
+            named = {Path(name).parent.name: figures for name, figures in one["policies"].items()} | one["policies"]
+            lines.append([one["task"], *(cell for name in (*KINDS.values(), *COMPARED)
+                                         for cell in score_and_success(named.get(name)))])
         commits = ", ".join(sorted({f"`{one['made_by']['commit']}`" for one in own}))
         episodes = {figures["episodes"] for one in own for figures in one["policies"].values()}
-        head = ["task", *(f"{name}, {figure}" for name in ("network", *COMPARED) for figure in ("score", "success"))]
+        head = ["task", *(f"{name}, {figure}" for name in ("network", "student", *COMPARED)
+                          for figure in ("score", "success"))]
         parts.append(f"Suite `{suite}`, {' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}.\n\n"
                      f"{table(head, lines)}")
     return "\n\n".join([age(rows), *parts])

@@ -8,7 +8,7 @@ from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import config_names, part_names, trained
 from robosim.commands.arguments import one_of, refuse
 from robosim.envs import BUNDLED, is_task_file, task_name
-from robosim.studies.evaluation import NETWORK, POLICIES, SUITES
+from robosim.studies.evaluation import NETWORKS, POLICIES, SUITES
 
 EXAMPLE = """examples:
   robosim evaluate SpoonPour --policy scripted --out out/pour
@@ -21,7 +21,7 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("evaluate", help="score a policy on a sub-task", epilog=EXAMPLE,
                                  description="Run episodes of a policy on a sub-task and print its scores.")
     parser.add_argument("task", help=one_of(BUNDLED, "or a task's .yaml file"))
-    named = (*POLICIES, *([NETWORK] if with_network() else []))
+    named = (*POLICIES, *(name for name in NETWORKS if with_network(name)))
     parser.add_argument("--policy", default="scripted", help=one_of(named, "or a .npz file with an "
                         "array `actions` or a network; with --suite also the folder of a training run (default: "
                         "scripted)"))
@@ -82,20 +82,20 @@ def run(options: argparse.Namespace) -> int:
 
 
 def find_network(name: str, task: str) -> str:
-    """Return the file of a task's bundled network for "network", else the name; raises ConfigError without one."""
-    tasks = with_network()
-    if name != NETWORK or not tasks:
+    """Return the file of a task's policy for a name of NETWORKS, another name as it is; raises ConfigError without."""
+    tasks = with_network(name)
+    if not tasks:
         return name
-    path = trained(task_name(task), "networks")
+    path = trained(task_name(task), NETWORKS[name])
     if path is None:
-        raise ConfigError(f"policy {NETWORK}: none is bundled for {task}; accepted: for {', '.join(tasks)}; "
+        raise ConfigError(f"policy {name}: none is bundled for {task}; accepted: for {', '.join(tasks)}; "
                           f"`robosim train` learns one")
     return str(path)
 
 
-def with_network() -> list[str]:
-    """Return the sub-tasks that a network is bundled for."""
-    return [task for task in config_names("tasks") if trained(task, "networks")]
+def with_network(name: str) -> list[str]:
+    """Return the sub-tasks that a policy of a name of NETWORKS is bundled for."""
+    return [task for task in config_names("tasks") if name in NETWORKS and trained(task, NETWORKS[name])]
 
 
 def check_policy(name: str) -> None:

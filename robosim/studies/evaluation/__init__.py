@@ -9,7 +9,8 @@ KNOWING = "knowing"
 """The script with its waypoints displaced as the target is: what a controller that knows the place reaches."""
 POLICIES = ("zero", "random", "scripted", KNOWING, "recorded", *CONTROLLERS)
 """Policies by name, the controllers for dosing tasks alone; any other is the path of a .npz file."""
-NETWORK = "network"
-"""The bundled policy that observes, of the sub-tasks that have one."""
+NETWORKS = {"network": "networks", "student": "students"}
+"""Bundled policies that observe, of the sub-tasks that have one -> their folder. A network sees the grains as no robot
+does, a student what a robot senses."""
 SUITES = ("nominal", "wide", "materials", "hard")
 """Starts and materials that policies are scored from, see `robosim.studies.evaluation.suites`."""

@@ -37,7 +37,7 @@ def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[d
     """Make the page of a suite: means with intervals by policy, the sorted scores, and every episode."""
     page, (own, figures) = Page(title), next(iter(summary.items()))
     success = figures["is_success"]["mean"]
-    page.set_verdict(f"{Path(own).name}: {success:.0%} of {figures['episodes']} episodes succeeded, mean score "
+    page.set_verdict(f"{short_name(own)}: {success:.0%} of {figures['episodes']} episodes succeeded, mean score "
                      f"{figures['tcs']['mean']:.2f}", holds=success == 1.0)
     page.add_curves(scores, "share of the episodes", "Scores of a policy's episodes, from the lowest to the highest.")
     page.add_text("iqm: mean of the middle half, of all episodes and runs. Intervals: bootstrap over the runs of a "
@@ -49,7 +49,7 @@ def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[d
              if kind in figures[key]]
     head = [f"{key}{'' if kind == 'mean' else ' iqm'}{end}" for key, kind, _ in pairs for end in ("", ", from", ", to")]
     page.add_table(["policy", "runs", "episodes", "diverged", *head],
-                   [[Path(policy).name, one["runs"], one["episodes"], one["diverged"],
+                   [[short_name(policy), one["runs"], one["episodes"], one["diverged"],
                      *(number for key, kind, name in pairs for number in (one[key][kind], *one[key][name]))]
                     for policy, one in summary.items()])
     page.add_heading("Episodes")
@@ -58,9 +58,14 @@ def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[d
     return page
 
 
+def short_name(policy: str) -> str:
+    """Return what a table calls a policy: its name, or the end of its path, as files of one name lie side by side."""
+    return "/".join(Path(policy).parts[-2:])
+
+
 def make_materials_page(policy: str, rows: list[dict[str, Any]], lines: list[list[str]]) -> Page:
     """Make the page of one motion in many materials: `lines` by material, and a row a task and material."""
-    page = Page(f"One motion in many materials, policy {Path(policy).name}")
+    page = Page(f"One motion in many materials, policy {short_name(policy)}")
     diverged = sum(bool(row["diverged"]) for row in rows)
     delivered = [row["delivered"] for row in rows]
     page.set_verdict(f"delivered from {min(delivered):.0%} to {max(delivered):.0%} over {len(rows)} tasks and materials"

@@ -20,7 +20,7 @@ from robosim.envs import is_task_file, task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import play, read_scores
 from robosim.studies.evaluation import KNOWING, POLICIES
-from robosim.studies.evaluation.page import make_suite_page
+from robosim.studies.evaluation.page import make_suite_page, short_name
 from robosim.studies.evaluation.policies import bundled_motion, check_task, load_policy, make_policy, training_options
 from robosim.studies.evaluation.suites import Start, begin_episode, make_environment, plan_starts
 from robosim.tasks.task import TaskConfig, load_task
@@ -177,12 +177,12 @@ def format_summary(summary: dict[str, dict[str, Any]]) -> str:
         lines = [["policy", "success", "error [g]", "spread [g]", "seconds", "spilled [g]", "episodes"]]
         for policy, values in summary.items():
             error, spilled = values["dose_error"], values["spilled"]
-            lines.append([Path(policy).name, cell(values["is_success"]), f"{1e3 * error['mean']:.2f}",
+            lines.append([short_name(policy), cell(values["is_success"]), f"{1e3 * error['mean']:.2f}",
                           f"{1e3 * error['std']:.2f}", f"{values['seconds']['mean']:.1f}",
                           f"{1e3 * spilled['mean']:.2f}", str(values["episodes"])])
         return aligned(lines)
     lines = [["policy", "normalised IQM", "score IQM", "cap", "success", "return", "episodes"]]
-    lines += [[Path(policy).name, *(cell(values.get(key), "iqm", "iqm_interval") for key in SCORES),
+    lines += [[short_name(policy), *(cell(values.get(key), "iqm", "iqm_interval") for key in SCORES),
                " .. ".join(dict.fromkeys(f"{one:.2f}" for one in values["cap"])), cell(values["is_success"]),
                cell(values["return"]), str(values["episodes"])] for policy, values in summary.items()]
     return aligned(lines)
@@ -193,4 +193,4 @@ def sort_scores(rows: list[Row]) -> dict[str, dict[str, tuple[np.ndarray, np.nda
     key = next(one for one in SCORES if all(one in row for row in rows))
     scores = {policy: np.sort([row[key] for row in rows if row["policy"] == policy])
               for policy in dict.fromkeys(row["policy"] for row in rows)}
-    return {key: {Path(policy).name: (np.arange(1, 1 + len(own)) / len(own), own) for policy, own in scores.items()}}
+    return {key: {short_name(policy): (np.arange(1, 1 + len(own)) / len(own), own) for policy, own in scores.items()}}
