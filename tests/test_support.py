@@ -59,6 +59,7 @@ def test_every_row_is_checked() -> None:
     assert list(cells()) == list(SCENES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", SCENES)
 def test_a_cell_is_what_the_code_does(row: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a GPU what is refused raises before anything is allocated."""

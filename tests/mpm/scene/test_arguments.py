@@ -51,10 +51,6 @@ def test_a_solid_has_a_size(make: Callable[[], Any], words: str) -> None:
         make()
 
 
-def test_a_collider_of_no_height_is_a_ball() -> None:
-    assert mpm.Sdf.capsule(0.1, 0.0).distance(np.array([[0.0, 0.0, 0.3]])) == pytest.approx(0.2)
-
-
 USUAL: dict[Any, dict[str, Any]] = {
     mpm.Collider: {}, mpm.Solver: {"grid": GRID, "bodies": [BODY]},
     mpm.Body: {"material": SAND, "positions": np.full((2, 3), 0.1), "volume": 1e-7}}

@@ -52,8 +52,8 @@ def gap(result: Results) -> float:
     return float(np.abs(result["gap"]).max() / np.abs(result["ledger"]).max())
 
 
-@pytest.mark.parametrize("scene", [pytest.param("elastic", marks=SLOW), "tools", pytest.param("fluid", marks=SLOW),
-                                   pytest.param("sleep", marks=SLOW)])
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["elastic", "tools", "fluid", "sleep"])
 def test_two_threads_are_one(scene: str, results: Callable[..., Results]) -> None:
     """The same grains to rounding, the same bits in every run, and every impulse in the ledger; in strides and not.
     "tools": a shell and a ball that grains move, and periodic sides."""

@@ -43,7 +43,8 @@ test_episode_batch.compared(sys.argv[1], sys.argv[2])
 """
 
 
-@pytest.mark.parametrize("starts", [pytest.param("nominal", marks=pytest.mark.slow), "random"])
+@pytest.mark.slow
+@pytest.mark.parametrize("starts", ["nominal", "random"])
 def test_each_episode_is_that_of_one_environment(tmp_path, starts):
     """Where sums may not be reordered: the kernels of a batch and of a solver are compiled apart."""
     subprocess.run([sys.executable, "-c", IEEE, str(tmp_path), starts], check=True,
@@ -116,6 +117,7 @@ def test_a_checkpoint_within_episodes_continues_to_the_same_bits(tmp_path):
         batch.load({**state, "environments": state["environments"][:1]})
 
 
+@pytest.mark.slow
 def test_a_run_with_demonstrations_ends_with_its_times(tmp_path):
     """Four environments, demonstrations in half of each batch; the status says where the time went."""
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((5, 3)), action_repeat=np.array(REPEAT))

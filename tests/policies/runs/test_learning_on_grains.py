@@ -11,7 +11,6 @@ from scipy.stats import wilcoxon
 from policies.learning.environments import make_environment
 from policies.learning.options import TrainingOptions
 from policies.methods.train import train
-from policies.runs.learner_speed import measure_learner
 from robosim.config.settings import read_setting
 from robosim.episode.play import play
 from robosim.studies.evaluation.suite_run import evaluate_suite
@@ -47,9 +46,3 @@ def test_a_policy_that_sees_the_target_beats_the_recording_where_targets_move(tm
     rows = list(csv.DictReader((tmp_path / "judged" / "evaluation.csv").read_text().splitlines()))
     learned, recorded = np.array([float(row["tcs"]) for row in rows]).reshape(2, 50)
     assert wilcoxon(learned, recorded, alternative="greater")[1] < 1e-3, (learned.mean(), recorded.mean())
-
-
-def test_updates_take_time_from_decisions() -> None:
-    """`robosim bench learner`: a decision with its two updates takes at least a fifth longer than one without."""
-    both, updates, alone = measure_learner(("SpoonTranslate",), 10).values()
-    assert 0 < both < alone / 1.2 and both < updates

@@ -117,6 +117,7 @@ def test_a_heap_in_a_still_spoon_stands(spoon: GrainEnv) -> None:
     assert np.array_equal(spoon.solver.collider_pose(0).position, spoon.task.start.position)
 
 
+@pytest.mark.slow
 def test_a_place_moves_the_receiver_and_what_counts_as_in_it() -> None:
     """The cup stands 20 mm aside; a tool that follows pours into it."""
     env = make("DoseSpoon", obs=["goal", EXACT], randomize={"place_x": (0.02, 0.02), "place_y": (0.01, 0.01)})

@@ -59,6 +59,7 @@ def test_grains_fill_a_round_bowl_up_to_their_height(folder: Path) -> None:
     assert grains[:, 2].min() > FLOOR - 0.002 and grains[:, 2].max() < FLOOR + 0.06 + spacing
 
 
+@pytest.mark.slow
 def test_another_tool_in_a_sub_task(folder: Path) -> None:
     """The ladle is filled to its inner surface, and holds all of its grains while it stays level."""
     env = make("SpoonTranslate", tool=str(folder / "ladle.yaml"), action_repeat=250, obs="none")

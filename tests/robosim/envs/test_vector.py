@@ -156,6 +156,7 @@ def each_mode(carried: gymnasium.vector.VectorEnv) -> Iterator[tuple[AutoresetMo
         vector.close()
 
 
+@pytest.mark.slow
 def test_all_modes_give_the_same_episodes(carried: gymnasium.vector.VectorEnv) -> None:
     """To the bit: starts, steps, last observations and infos of each environment, in whatever step they come.
 

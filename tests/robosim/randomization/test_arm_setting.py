@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from grain_envs import make
 
+pytestmark = pytest.mark.slow
 RANGES = {"place_x": (0.02, 0.03), "place_yaw_deg": (10.0, 20.0), "mount_x": (0.003, 0.003), "mount_z_deg": (2.0, 2.0),
           "payload": (1.2, 1.2), "stiffness": (0.8, 0.8), "damping": (1.1, 1.1)}
 

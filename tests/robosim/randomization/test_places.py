@@ -61,6 +61,7 @@ def test_the_target_moves_with_its_place():
     env.close()
 
 
+@pytest.mark.slow
 def test_fill_and_slope_change_mass_and_surface():
     env = make("ScoopScoop", randomize={"fill": (0.8, 1.2), "surface_slope_deg": (-12.0, 12.0)})
     found = {}
@@ -97,6 +98,7 @@ def test_numbers_of_sensors_are_drawn():
     env.close()
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_after_the_first_reset():
     """Other materials, fills, places and frictions are numbers that kernels read, alone and in a batch."""
     env = make("SpoonTranslate", obs=["tool", "wrist", "grains"], randomize="wide")
@@ -134,6 +136,7 @@ def test_height_map_of_a_container_elsewhere_is_that_of_a_task_with_it_there():
         np.abs(exact - home) < 1e-4)
 
 
+@pytest.mark.slow
 def test_hard_has_half_the_target_a_delay_noise_and_room_and_starts_that_do_not_depend_on_the_observation():
     wide, layout, terms = (make("SpoonTranslate", randomize=name, **obs) for name, obs in (
         ("wide", {}), ("hard", {}), ("hard", {"obs": ["goal_frame", "tool"]})))

@@ -23,6 +23,7 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
+@pytest.mark.slow
 def test_a_scene_is_shown_while_it_runs_and_its_recording_stays(tmp_path: Path) -> None:
     plugin = tray(SCENE, (0.1, 0.1, 0.04), bodies={"ball": None})
     with plugin.view(port=free_port(), out=tmp_path / "ball.rec") as view:

@@ -44,6 +44,7 @@ class ThereAndBack:
         return DoseCommand(self.rate, np.zeros(3), 0.0, 0.0, self.rate < 0.0 and sight.tilt == 0.0)
 
 
+@pytest.mark.slow
 def test_before_its_dose_a_rehearsal_is_one_without(short: RehearsalConfig) -> None:
     """To the bit: grains, joints and readings."""
     states = []

@@ -15,6 +15,7 @@ from robosim.rehearsal.session import Rehearsal
 from robosim.scene.build import compile_rehearsal
 
 
+@pytest.mark.slow
 def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
     """Too short to deliver anything: its motion is not exported, or only under a name that says so."""
     rehearsal = Rehearsal(short, material="sugar", max_time_scale=2.0, grip_turn_deg=0.0)

@@ -115,6 +115,7 @@ def test_the_spoon_held_by_friction_delivers_as_the_fixed_one(tmp_path: Path) ->
     assert reports["weld"]["grasp_slip_m"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_film_that_fails_costs_no_report(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The report is there, and the exit status and the message say that the film is not."""
     out = tmp_path / "out"

@@ -17,7 +17,6 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.conversion.joint_log import AXES, JointLog, Samples
 from robosim.planning.plan import Plan, plan_motion
 from robosim.rehearsal.comparison import compare_wrench
-from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.recorded_motion import RecordedMotion, read_log
 
 CLOCK, BIAS = 1234.5, np.array([0.7, 0.0, -0.4, 0.02, 0.0, -0.01])
@@ -44,6 +43,7 @@ def replay(plan: Plan, folder: Path, times: np.ndarray, angles: np.ndarray) -> R
     return RecordedMotion(log, plan.motion, plan.arm, plan.config)
 
 
+@pytest.mark.slow
 def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recording(ran: Path, tmp_path: Path) -> None:
     rows = np.genfromtxt(ran / "trajectory.csv", delimiter=",", names=True)
     table = np.column_stack([rows[name] for name in ("time_s", *ANGLES, *WRENCH)])
@@ -125,7 +125,3 @@ def test_the_offset_of_a_sensor_turns_with_it() -> None:
     found = compare_wrench(played, readings, model, np.array([0]), grasp_time)
     assert found is not None and found.offset == pytest.approx(BIAS)
     np.testing.assert_allclose(found.recorded, found.simulated, atol=1e-9)
-
-
-def test_the_columns_are_those_that_a_run_writes() -> None:
-    assert {"time_s", *ANGLES, *WRENCH} <= set(name_columns([f"A{k}" for k in range(1, 8)]))

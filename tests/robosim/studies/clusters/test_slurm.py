@@ -217,6 +217,7 @@ class OneAfterAnother:
                 yield Ended(index, str(error))
 
 
+@pytest.mark.slow
 def test_a_report_made_elsewhere_is_the_one_made_here(tmp_path: Path) -> None:
     for name, launcher in (("here", None), ("there", OneAfterAnother())):
         report(["return_mapping"], tmp_path / name, quick=True, launcher=launcher)

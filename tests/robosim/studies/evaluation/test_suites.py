@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from robosim.base.errors import ConfigError, RobosimError, UnknownName
+from robosim.base.resources import CHECKOUT
 from robosim.base.statistics import bootstrap, interquartile_mean
 from robosim.commands.runs.evaluate import check_policy, find_network
 from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
 from robosim.randomization.materials import MATERIALS
+from robosim.studies.evaluation import NETWORKS, suite_run
 from robosim.studies.evaluation import evaluate as one_task
-from robosim.studies.evaluation import suite_run
 from robosim.studies.evaluation.evaluate import evaluate
 from robosim.studies.evaluation.policies import check_task, make_policy
 from robosim.studies.evaluation.suite_run import COMPARED, compared, evaluate_suite, find_policies, normalise
@@ -212,6 +213,21 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     for shift in ((0.0, 0.0), "left", (0.0, 0.0, np.nan)):
         with pytest.raises(ConfigError, match="three lengths"):
             GrainEnv(task="SpoonTranslate").reset(seed=0, options={"shift": shift})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", ["ScoopPour", "ScoopTranslate", "ShovelMove", "SpoonPour", "SpoonTranslate"])
+@pytest.mark.parametrize("name", NETWORKS)
+def test_a_bundled_policy_finds_its_committed_score_again(task: str, name: str, tmp_path: Path) -> None:
+    """The first starts of those that the page quotes; another processor's sums may move single grains."""
+    policy = f"policies/trained/{NETWORKS[name]}/{task}.npz"
+    assert evaluate_suite(task, [find_network(name, task)], "hard", tmp_path, episodes=3, alone=True) == 0
+    rows = [list(csv.DictReader(path.read_text().splitlines())) for path in (
+        CHECKOUT / "docs" / "results" / "data" / "networks" / f"{task}_hard.csv", tmp_path / "evaluation.csv")]
+    stored, found = [row for row in rows[0] if row["policy"] == policy][:3], rows[1]
+    assert [row["seed"] for row in found] == [row["seed"] for row in stored] and len(found) == 3
+    for one, other in zip(found, stored, strict=True):
+        assert float(one["tcs"]) == pytest.approx(float(other["tcs"]), abs=0.1 * float(other["cap"])), one["seed"]
 
 
 ERRORS = {"pi": (0.1e-3, -0.3e-3), "open_loop": (5e-3, 3e-3)}
