@@ -144,7 +144,7 @@ def foreign_arms(out: Path) -> dict[str, Any]:
             continue
         (out / f"{name}.yaml").write_text(yaml.safe_dump(robot))
         try:
-            Rehearsal("spoon", robot=robot, gripper="none")
+            Rehearsal("spoon", robot=robot, gripper="none").plan()
         except ConfigError as error:
             line = re.sub(r"\S*/", "", str(error).partition("; accepted")[0])  # names of files without their folders
             refused.append([arm["arm"], arm["package"], line])

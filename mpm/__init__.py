@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from mpm.scene.grid import Grid
     from mpm.scene.initial_stress import geostatic_stress
     from mpm.scene.orifice import Orifice
-    from mpm.scene.sampling import sample_box, sample_cylinder, sample_mesh
+    from mpm.scene.sampling import sample_box, sample_mesh
     from mpm.scene.walls import Walls
     from mpm.solver import Solver
 

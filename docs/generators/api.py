@@ -6,7 +6,7 @@ from typing import Any
 
 MPM_GROUPS = {
     "Session": ["init"],
-    "Scene": ["Grid", "Walls", "Body", "Collider", "sample_box", "sample_cylinder", "sample_mesh"],
+    "Scene": ["Grid", "Walls", "Body", "Collider", "sample_box", "sample_mesh"],
     "Materials": [],
     "Shapes": ["Sdf", "Shell", "Region"],
     "Solver": ["Solver", "Batch", "Features"],

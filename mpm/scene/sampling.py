@@ -1,4 +1,4 @@
-"""Initial positions of particles: jittered lattices in a box, a cylinder or a mesh."""
+"""Initial positions of particles: jittered lattices in a box or a mesh."""
 
 import numpy as np
 import trimesh
@@ -12,7 +12,11 @@ MAX_SITES = 20_000_000
 """Positions of a lattice: with 100 bytes each while they are made, 2 GB."""
 
 
-def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None) -> np.ndarray:
+def sample_box(lower: ArrayLike, upper: ArrayLike, spacing: float,
+               rng: np.random.Generator | None = None) -> np.ndarray:
+    """Return positions [m] (n, 3) on a lattice in the box from lower to upper [m].
+    spacing: distance [m] between them, adjusted so that the box is filled. rng: displaces them at random; None: regular
+    lattice. Raises InvalidValue for a spacing larger than the box."""
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     if not 0 < spacing < np.inf or not np.all(upper - lower >= spacing):
         raise InvalidValue(f"spacing {spacing} m does not fit into the box {lower} .. {upper} m")
@@ -29,25 +33,9 @@ def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.
     return points
 
 
-def sample_box(lower: ArrayLike, upper: ArrayLike, spacing: float,
-               rng: np.random.Generator | None = None) -> np.ndarray:
-    """Return positions [m] (n, 3) on a lattice in the box from lower to upper [m].
-    spacing: distance [m] between them, adjusted so that the box is filled. rng: displaces them at random; None: regular
-    lattice. Raises InvalidValue for a spacing larger than the box."""
-    return _lattice(lower, upper, spacing, rng)
-
-
-def sample_cylinder(centre: ArrayLike, radius: float, height: float, spacing: float,
-                    rng: np.random.Generator | None = None) -> np.ndarray:
-    """Return positions [m] (n, 3) in an upright cylinder with `centre` [m] (3,) of its base; see `sample_box`."""
-    centre = np.asarray(centre, float)
-    points = _lattice(centre - [radius, radius, 0.0], centre + [radius, radius, height], spacing, rng)
-    return points[np.hypot(*(points - centre)[:, :2].T) <= radius]
-
-
 def sample_mesh(mesh: trimesh.Trimesh, spacing: float, rng: np.random.Generator | None = None) -> np.ndarray:
     """Return positions [m] (n, 3) inside a watertight mesh; see `sample_box`. Raises InvalidValue for an open mesh."""
     if not mesh.is_watertight:
         raise InvalidValue("a body is sampled from a watertight mesh; this one has open edges")
-    points = _lattice(mesh.bounds[0], mesh.bounds[1], spacing, rng)
+    points = sample_box(mesh.bounds[0], mesh.bounds[1], spacing, rng)
     return points[mesh.contains(points)]

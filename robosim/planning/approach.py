@@ -126,8 +126,7 @@ def time_route(route: np.ndarray, arm: Arm, limits: MotionLimits) -> StraightMot
     for _ in range(MOST_SLOWDOWNS):
         motion = StraightMotion(route, MotionLimits(*(most * slower**k for k, most in enumerate(limits, 1))))
         states = [motion.state(time) for time in np.arange(0.0, motion.duration, 0.02)]
-        torques = np.array([arm.inverse_dynamics(*state) for state in states])
-        worst = float((np.abs(torques) / arm.torque_limits).max())
+        worst, _, _ = arm.most_demanded(states)
         if worst <= TORQUE_SHARE:
             return motion
         slower *= 0.7

@@ -14,7 +14,7 @@ from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.assembly import GRIP_TURNS_DEG
 from robosim.robot.inverse_kinematics import PathSolution, solve_path
 from robosim.robot.model import Arm
-from robosim.robot.timing import JointMotion, SmoothMotion, compute_time_scale
+from robosim.robot.timing import JointMotion, JointState, SmoothMotion, compute_time_scale, find_nearest
 from robosim.scene.build import assemble_rehearsal
 
 MAX_SLOWDOWNS = 20
@@ -76,11 +76,23 @@ class Grip:
         """Factors (n,) on the time about each of `_times` that the arm's limits demand at least."""
 
     def _check(self) -> None:
-        """Check the clearances along the path and, at the end of the rest in which it begins, of a dose."""
+        """Check that the motors hold the path's postures, the clearances along it and, at the end of the rest in which
+        it begins, of a dose."""
         q, config = self.solution.q, self.path.config
+        still = np.zeros(len(self.arm.joints))
+        self._check_torques(self._times, [JointState(one, still, still) for one in q], "a lighter tool")
         self.clearance = self._clearances.check_path(self.path.times, self._times, q, self._poses)
         if config.dose is not None:
             self._clearances.check_dose(q[int(np.searchsorted(self._times, self.path.rests[config.dose_at][1]))])
+
+    def _check_torques(self, times: np.ndarray, states: list[JointState], remedy: str) -> None:
+        """Raise ConfigError where states at times (n,) [s] demand more than a motor has."""
+        share, k, joint = self.arm.most_demanded(states)
+        if share > 1.0:
+            limit = self.arm.torque_limits[joint]
+            raise ConfigError(f"near waypoint {find_nearest(self.path.times, times[k])!r} (t = {times[k]:.2f} s) joint "
+                              f"{self.arm.joints[joint]} would need a torque of {share * limit:.3g} N m; accepted: up "
+                              f"to {limit:.3g} N m; {remedy}")
 
     def time(self, most: float) -> Plan:
         """Put the joint path into time, a script slower by up to a factor where limits demand it; raises ConfigError.
@@ -89,6 +101,8 @@ class Grip:
         for count in range(MAX_SLOWDOWNS):
             try:
                 motion = SmoothMotion(self._times, self.solution.q, self._limits, path.times, self.arm.joints)
+                times = np.arange(0.0, motion.duration, PATH_SAMPLING)
+                self._check_torques(times, [motion.state(time) for time in times], "lower the speeds there")
             except ConfigError as error:
                 reason = error
             else:
@@ -140,4 +154,7 @@ def plan_path(config: RehearsalConfig) -> Plan:
             return grip.time(config.max_time_scale)
         except (ConfigError, UnreachableWaypoint) as error:
             refused.append(error)
-    raise refused[-1] if grips else refused[0]
+    if grips:
+        raise refused[-1]
+    # a grip that can be reached says more than one that cannot
+    raise next((one for one in refused if not isinstance(one, UnreachableWaypoint)), refused[0])

@@ -4,6 +4,7 @@ elements, and MuJoCo's own writer rounds to six digits."""
 
 import tempfile
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -157,6 +158,13 @@ class Arm:
         """Compute the motor torques [N m] (n,) of a motion, with armature, viscous and dry friction.
         dt: step [s] at whose end viscous friction acts, as with MuJoCo's implicitfast."""
         return self._rnea(q, qd, qdd) + self._damping * (qd + dt * qdd) + self._friction * np.tanh(qd / self._creep)
+
+    def most_demanded(self, states: Iterable[tuple[np.ndarray, ...]]) -> tuple[float, int, int]:
+        """Return the largest share of a motor's torque that states of a motion demand, and the numbers of state and
+        joint."""
+        shares = np.abs([self.inverse_dynamics(*state) for state in states]) / self.torque_limits
+        k, joint = np.unravel_index(np.argmax(shares), shares.shape)
+        return float(shares[k, joint]), int(k), int(joint)
 
     def _rnea(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         self._whole[self.q_index], self._speed[self.v_index], self._rate[self.v_index] = q, qd, qdd

@@ -8,7 +8,7 @@ import pytest
 from bundled import plan_of, read_bundled, rehearsal
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
-from robosim.base.resources import part_names
+from robosim.base.resources import folder, part_names
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.table import Placement
@@ -18,6 +18,9 @@ from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.model import Arm
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 from robosim.scene.field import check_field
+
+WEAK = {"model": str(folder("models") / "robots" / "iiwa14" / "iiwa14.xml"), "flange": "flange",
+        "limits": {"velocity": [1.5] * 7, "torque": [300.0] * 6 + [0.02]}}
 
 
 def change(waypoint: str = "", given: dict[str, Any] | None = None, **keys: Any) -> RehearsalConfig:
@@ -83,9 +86,12 @@ def test_an_arm_hangs_from_above() -> None:
     assert plan.clearance.surroundings.distance > 0.01 and plan.solution.margin > 0.1
 
 
-def test_a_friction_grasp_needs_a_hand() -> None:
-    with pytest.raises(ConfigError, match="grasp: friction with gripper: none; accepted: grasp: weld, or a gripper"):
-        plan_motion(change(gripper="none", grasp="friction"))
+@pytest.mark.parametrize(("keys", "message"), [
+    ({"grasp": "friction"}, "grasp: friction with gripper: none; accepted: grasp: weld, or a gripper"),
+    ({"robot": WEAK}, r"joint A7 would need a torque of [\d.]+ N m; accepted: up to 0.02 N m; a lighter tool")])
+def test_a_robot_that_cannot_hold_the_tool_is_refused(keys: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        plan_motion(change(gripper="none", **keys))
 
 
 @pytest.mark.parametrize(("waypoint", "keys", "parts"), [

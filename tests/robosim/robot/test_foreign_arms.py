@@ -45,7 +45,7 @@ def test_an_arm_holds_every_bound_and_comes_to_rest(name: str, tmp_path: Path) -
 @pytest.mark.parametrize("name", REFUSED)
 def test_an_arm_is_refused_by_what_it_lacks(name: str) -> None:
     with pytest.raises(ConfigError, match=ARMS[name]["refused"]) as refusal:
-        Rehearsal("spoon", robot=find(name), gripper="none")
+        Rehearsal("spoon", robot=find(name), gripper="none").plan()
     assert "\n" not in str(refusal.value)
 
 

@@ -81,8 +81,3 @@ def test_frequency_and_damping_of_a_known_swing(damping: float) -> None:
 
 def test_what_does_not_swing_has_no_frequency() -> None:
     assert np.isnan(ball.half_swing(0.04 * np.exp(-np.linspace(0, 2, 500)), 1e-3)).all()
-
-
-def test_water_damps_a_ball_of_this_size_by_a_hundredth() -> None:
-    """The order of the boundary layer's thickness over the radius."""
-    assert 0.005 < ball.boundary_layer_damping(6.9, 0.1) < 0.02
