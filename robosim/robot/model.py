@@ -159,9 +159,8 @@ class Arm:
         dt: step [s] at whose end viscous friction acts, as with MuJoCo's implicitfast."""
         return self._rnea(q, qd, qdd) + self._damping * (qd + dt * qdd) + self._friction * np.tanh(qd / self._creep)
 
-    def most_demanded(self, states: Iterable[tuple[np.ndarray, ...]]) -> tuple[float, int, int]:
-        """Return the largest share of a motor's torque that states of a motion demand, and the numbers of state and
-        joint."""
+    def most_demanded(self, states: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> tuple[float, int, int]:
+        """Return the largest share of a motor's torque that states demand, and the numbers of state and joint."""
         shares = np.abs([self.inverse_dynamics(*state) for state in states]) / self.torque_limits
         k, joint = np.unravel_index(np.argmax(shares), shares.shape)
         return float(shares[k, joint]), int(k), int(joint)

@@ -68,8 +68,9 @@ def run(options: argparse.Namespace) -> int:
     for policy in policies:
         if options.suite is None or not Path(policy).is_dir():
             check_policy(policy)
-    given = {name: getattr(options, name) for name in ("episodes", "material", "arm", "grasp", "robot", "gripper")} | {
-             "changed": {setting.path[0] for setting in options.settings}}
+    names = ("episodes", "material", "arm", "grasp", "robot", "gripper")
+    given: dict[str, Any] = {name: getattr(options, name) for name in names}
+    given["changed"] = {setting.path[0] for setting in options.settings}
     with options.settings.changed("tasks", options.task, options.out) as task:
         if options.suite is not None:
             from robosim.studies.evaluation.suite_run import evaluate_suite
