@@ -61,7 +61,7 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
 
 
 def test_a_contact_solve_that_does_not_converge_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A ball of a gram that is driven into the sand, and begins beside it; a solve may take one sweep only."""
+    """A ball of a gram that is driven into the sand from a start clear of it; a solve may take one sweep only."""
     monkeypatch.setattr(mobile_contact, "MAX_PASSES", 1)
     start = np.array([0.11, 0.01, 0.005])
     sdf = mpm.Sdf.union([(mpm.Sdf.sphere(0.0495), mpm.Pose(np.zeros(3), UPRIGHT))])
