@@ -21,6 +21,9 @@ MAX_SLOWDOWNS = 20
 """Times that a motion is slowed down before it is refused."""
 LIMIT_SHARE = 0.92
 """Share of the arm's limits to which a motion is slowed down."""
+LEAST_SLOWDOWN = 1.02
+"""Smallest factor by which a motion is slowed down at a time. Where the limits of its derivatives demand no more, as
+with torques, it is slower by one factor more each time."""
 PATH_SAMPLING = 0.01
 """Time [s] between the poses at which the path is solved for joint angles."""
 SLOWNESS = 1.3
@@ -111,8 +114,10 @@ class Grip:
                 return Plan(path.config, path, self.solution, motion, self.arm, self.clearance,
                             path.time_scale if isinstance(path, WaypointPath) else 1.0)
             factors = self._scales / LIMIT_SHARE
+            if factors.max() < LEAST_SLOWDOWN:
+                factors = np.full_like(factors, LEAST_SLOWDOWN ** (count + 1))
             if isinstance(path, WaypointPath):
-                needed = path.time_scale * max(path.LEAST_SLOWDOWN, float(factors.max()))
+                needed = path.time_scale * float(factors.max())
                 if needed > most:
                     raise ConfigError(f"{reason}, or allow the whole motion to be played slower (max_time_scale = "
                                       f"{path.config.max_time_scale:g}, needed: {needed:.3g})")

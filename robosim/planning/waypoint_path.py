@@ -76,9 +76,6 @@ class WaypointPath:
     """Tool poses over time through all waypoints of a rehearsal, in world axes.
     Raises ConfigError where corners overlap, or are cut too much inside a container."""
 
-    LEAST_SLOWDOWN = 1.02
-    """Smallest factor by which the path is slowed down at a time."""
-
     def __init__(self, config: RehearsalConfig) -> None:
         self.poses = [config.tool_pose(w) for w in config.waypoints]
         self.names = [w.name for w in config.waypoints]
@@ -108,7 +105,7 @@ class WaypointPath:
 
     def slow_down(self, times: np.ndarray, factors: np.ndarray) -> None:
         """Take as many times as long as the largest of factors (n,) at `times` [s] (n,) says; rests do not."""
-        factor, config = max(self.LEAST_SLOWDOWN, float(factors.max())), self.config
+        factor, config = float(factors.max()), self.config
         self.time_scale *= factor
         path = config.path.model_copy(update={"acceleration": config.path.acceleration / factor**2,
                                               "angular_acceleration": config.path.angular_acceleration / factor**2})

@@ -144,6 +144,22 @@ def test_a_slower_script_passes_the_same_places() -> None:
         np.testing.assert_allclose(slow.pose(2.0 * time).position, path.pose(time).position, atol=1e-9)
 
 
+@pytest.mark.parametrize("trajectory, torque", [("script", 9.0), ("recorded", 20.0)])
+def test_a_motion_is_slower_for_weak_motors(trajectory: str, torque: float) -> None:
+    """A turntable's motor turns the arm as slowly as its torque demands; a script no slower than its file allows."""
+    robot = WEAK | {"limits": {"velocity": [1.5] * 7, "torque": [torque] + [300.0] * 6}}
+    strong, weak = (rehearsal("shovel", trajectory=trajectory, gripper="none", grip_turn_deg=0.0, robot=one,
+                              max_time_scale=4.0) for one in (robot | {"limits": {"velocity": [1.5] * 7}}, robot))
+    plans = [plan_motion(one) for one in (strong, weak)]
+    used = [max(abs(one.arm.inverse_dynamics(*one.motion.state(time))[0]) for time in
+                np.arange(0.0, one.motion.duration, 0.01)) for one in plans]
+    assert used[0] > 1.1 * torque > torque >= used[1]
+    assert plans[0].path.duration < plans[1].path.duration < 4.0 * plans[0].path.duration
+    if trajectory == "script":
+        with pytest.raises(ConfigError, match=r"joint A1 .* or allow the whole motion .*= 1, needed: 1\.\d+"):
+            plan_motion(weak.model_copy(update={"max_time_scale": 1.0}))
+
+
 def test_obstacles_are_kept_clear_of() -> None:
     """A pillar in the way of the carry is refused by its name; beside the way it is the closest thing."""
     pillar = {"name": "pillar", "position": [0.72, 0.0, 0.15], "half": [0.02, 0.02, 0.15], "round": True}
