@@ -18,6 +18,8 @@ STATUS = "status.json"
 """File of a folder of results that says how far the work has come."""
 LOG = "log.txt"
 """File that a sweep begins in the folder of a run."""
+ROWS = "rows"
+"""Folder of the rows of a study in a folder of results."""
 
 
 def write_text(path: Path, text: str) -> None:
@@ -95,8 +97,9 @@ def describe_end(error: BaseException) -> str:
 
 
 def remove_temporary(folder: Path) -> None:
-    """Remove what killed processes left unfinished in a folder; only for the process that holds the folder's lock."""
-    for path in folder.iterdir():
+    """Remove what killed processes left unfinished in a folder and in that of its rows; only for the process that holds
+    the folder's lock."""
+    for path in (*folder.iterdir(), *(folder / ROWS).glob(".*")):
         if TEMPORARY.fullmatch(path.name):
             shutil.rmtree(path, ignore_errors=True)
             with contextlib.suppress(OSError):  # a file that another user left stays

@@ -14,14 +14,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from robosim.base.digests import code_digest, digest
-from robosim.base.files import remove_temporary, write_text
+from robosim.base.files import ROWS, remove_temporary, write_text
 from robosim.base.input_files import MAX_JSON, check_form, read_text
 from robosim.base.jobs import PARENT, Launcher, end_with, run_here
 from robosim.base.progress import Progress
 from robosim.base.provenance import commit, processor
 
-ROWS = "rows"
-"""Folder of the rows in a folder of results."""
 ROW = {"key": str, "checksum": str, "value": object}
 """Form of a row's file; it has also the job, commit, machine and digest of the code."""
 

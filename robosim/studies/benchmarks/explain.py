@@ -10,6 +10,7 @@ from robosim.base.output_folder import OutputFolder
 from robosim.base.study import Job, Study
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
+from robosim.studies.benchmarks.field_profile import format_profile
 from robosim.studies.benchmarks.scene_run import FRACTIONS
 from robosim.tasks.task import is_task
 
@@ -121,6 +122,7 @@ def format_parts(result: dict[str, Any]) -> list[str]:
                 lines.append(f"  {part['name']}: {part['reason']}{memory}")
     lines.append("seconds per simulated second:")
     lines += [f"  {name}: {value:.3f}" for name, value in result["costs"].items()]
+    lines += format_profile(result["profile"])
     lines.append("readings: " + ", ".join(f"{key} {value:.4g}" for key, value in result["readings"].items()))
     return lines
 
@@ -134,6 +136,10 @@ def write_page(scene: str, own: dict[str, Any], rows: list[dict[str, Any]] | Non
                      p["bytes"] / 1e6 if p["bytes"] else None] for p in own["parts"]])
     page.add_heading("Seconds per simulated second")
     page.add_table(["part", "seconds"], own["costs"].items())
+    page.add_heading("Field, over the motion")
+    page.add_table(["stretch", "from [s]", "grains awake", "active blocks", "substeps a step", "ms a step",
+                    "ns a grain awake and substep"], [list(row.values()) for row in own["profile"][:-1]])
+    page.add_text(format_profile(own["profile"])[-1])
     page.add_heading("Readings")
     page.add_table(["reading", "value"], own["readings"].items())
     if rows is not None:

@@ -17,6 +17,7 @@ from robosim.planning.plan import plan_motion
 from robosim.planning.recorded_motions import place_target
 from robosim.rehearsal.metrics import compute_figures
 from robosim.rehearsal.run import RehearsalRun
+from robosim.studies.benchmarks.field_profile import FieldProfile
 from robosim.studies.evaluation.policies import ScriptedPolicy
 from robosim.tasks.task import is_task, load_task
 
@@ -24,6 +25,9 @@ DOSED = ("poured", "spilled", "held")
 """Masses of a dosing task, whose shares of the load are read."""
 FRACTIONS = ("delivered", "spilled", "retained", *DOSED)
 """Readings that are shares of the grains: their errors are differences, all others' are relative."""
+
+PARTS = 5
+"""Stretches of a sub-task's episode for which the field's cost is reported, of a rehearsal those between waypoints."""
 
 
 class Part(NamedTuple):
@@ -126,13 +130,13 @@ def measure_scene(scene: str, setting: dict[str, float]) -> dict[str, Any]:
 
 
 def make_result(solver: mpm.Solver, stopwatch: Stopwatch, seconds: float, simulated: float,
-                readings: dict[str, float]) -> dict[str, Any]:
-    """Return the result of a run; costs are seconds per simulated second."""
+                readings: dict[str, float], profile: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the result of a run; costs are seconds per simulated second. profile: of the field, see there."""
     costs = {name: value / simulated for name, value in sorted(stopwatch.seconds.items(), key=lambda item: -item[1])}
     costs["everything else"] = (seconds - sum(stopwatch.seconds.values())) / simulated
     return {"readings": {k: float(v) for k, v in readings.items()}, "seconds": seconds, "simulated_s": simulated,
             "grains": sum(solver.particles.counts), "cell_m": solver.grid.cell, "dt_s": solver.dt, "costs": costs,
-            "parts": [part._asdict() for part in list_parts(solver)]}
+            "profile": profile, "parts": [part._asdict() for part in list_parts(solver)]}
 
 
 def scaled_stiffness(material: MaterialConfig, setting: dict[str, float]) -> dict[str, float]:
@@ -149,7 +153,7 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     env = GrainEnv(task=task.model_copy(update={"field": field}), **numbers)
     observation, _ = env.reset(options={"nominal": True})
     env.solver.compile()
-    stopwatch = Stopwatch()
+    profile, stopwatch = FieldProfile(env.solver), Stopwatch()
     stopwatch.wrap(env.solver, "advance", "field")
     stopwatch.wrap(env.reward, "step", "reward")
     stopwatch.wrap(env.world.observer, "read", "observation")
@@ -162,7 +166,8 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     readings = {k: info["readings"][k] for k in FRACTIONS[:3]} if task.dose is None else \
         {k: info["readings"][k] / load for k in DOSED}
     return make_result(env.solver, stopwatch, seconds, env.episode.time,
-                       readings | {"tool_force_over_weight": force / (9.81 * load)})
+                       readings | {"tool_force_over_weight": force / (9.81 * load)},
+                       profile.summarize({f"{k + 1} of {PARTS}": env.episode.time * k / PARTS for k in range(PARTS)}))
 
 
 def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
@@ -177,7 +182,7 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     material = overridden(material, scaled_stiffness(material, setting))
     run = RehearsalRun(plan_motion(config), material=material)
     run.solver.compile()
-    stopwatch = Stopwatch()
+    profile, stopwatch = FieldProfile(run.solver), Stopwatch()
     stopwatch.wrap(run.solver, "advance", "field")
     stopwatch.wrap(run.cell.plugin, "step", "coupling, with MuJoCo's step")
     stopwatch.wrap(run.cell.servo, "compute_torque", "servo")
@@ -189,4 +194,5 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     lacking |= {"wrist_payload_kg"} if config.weigh_at is None else set()  # a shovel does not weigh its load
     readings = {name: float(figures[key])  # pyright: ignore[reportArgumentType]
                 for name, key in names.items() if name not in lacking}
-    return make_result(run.solver, stopwatch, run.wall_time, run.time, readings)
+    begins = {"before": 0.0} | {name: begin + config.grasp_time for name, begin in run.plan.path.times.items()}
+    return make_result(run.solver, stopwatch, run.wall_time, run.time, readings, profile.summarize(begins))

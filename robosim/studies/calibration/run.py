@@ -10,9 +10,10 @@ import numpy as np
 from plotly.graph_objects import Scatter
 
 from robosim.base.digests import code_digest, digest
+from robosim.base.files import ROWS
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
-from robosim.base.study import ROWS, Store
+from robosim.base.study import Store
 from robosim.config.materials import MaterialConfig, number_names
 from robosim.config.settings import Setting
 from robosim.reports.page import Page

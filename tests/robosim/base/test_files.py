@@ -28,15 +28,17 @@ def test_a_failure_keeps_the_old_file_and_leaves_no_other(tmp_path: Path, error:
 
 def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
     """Files and folders of temporary names, and nothing else."""
-    kept = [tmp_path / name for name in ("a.csv", "a.mp4.part", ".lock", ".a.part.csv")]
-    for path in [*kept, temporary_path(tmp_path / "a.csv"), temporary_path(tmp_path / "b.unfinished.npz")]:
+    kept = [tmp_path / name for name in ("a.csv", "a.mp4.part", ".lock", ".a.part.csv", "rows/1.json")]
+    (tmp_path / "rows").mkdir()
+    left = [temporary_path(tmp_path / name) for name in ("a.csv", "b.unfinished.npz", "rows/0.json")]
+    for path in [*kept, *left]:
         path.write_text("x")
     folder = temporary_path(tmp_path / "film")
     folder.mkdir()
     (folder / "episode.mp4").write_text("x")
     assert TEMPORARY.fullmatch(folder.name)
     remove_temporary(tmp_path)
-    assert sorted(tmp_path.iterdir()) == sorted(kept)
+    assert sorted(one for one in tmp_path.rglob("*") if one.is_file()) == sorted(kept)
 
 
 def test_a_line_is_appended_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,8 @@ from robosim.studies.benchmarks.explain import compare_settings, explain
 
 def result(setting: dict, seconds: float, **readings: float) -> dict:
     return {"setting": setting, "failed": "", "result": {
-        "grains": 1, "cell_m": 0.004, "dt_s": 1e-4, "parts": [], "costs": {}, "seconds": seconds, "readings": readings}}
+        "grains": 1, "cell_m": 0.004, "dt_s": 1e-4, "parts": [], "costs": {}, "seconds": seconds, "readings": readings,
+        "profile": [{"grain_ns": 70.0, "block_ns": 0.0, "substep_us": 9.0}]}}
 
 
 def test_settings_are_compared_with_the_finest() -> None:
@@ -47,4 +48,8 @@ def test_parts_and_costs_are_named(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "left out:" in stdout and "no wrench is compiled" in stdout and "  field: " in stdout
     own = json.loads((tmp_path / "explain.json").read_text())["results"][0]["result"]
     assert own["readings"]["delivered"] == 1.0
+    *stretches, fit = own["profile"]
+    assert {row["awake"] for row in stretches} == {own["grains"]} and all(
+        row["ns"] == pytest.approx(1e6 * row["ms"] / row["awake"] / row["substeps"]) and row["blocks"] > 1
+        for row in stretches) and fit["grain_ns"] > 0
     assert sum(own["costs"].values()) == pytest.approx(own["seconds"] / own["simulated_s"], rel=1e-6)
