@@ -22,7 +22,7 @@ class FieldProfile:
         self._solver, self._inner = solver, solver.advance
         self._rows: list[tuple[float, float, int, int, int]] = []
         """After each advance: simulated time [s], processor time [s], substeps, grains awake, active blocks."""
-        self._counted = 0, 0
+        self._counted: tuple[int, int] = 0, 0
         solver.advance = self._advance
 
     def _advance(self, *arguments: Any, **options: Any) -> Any:
