@@ -10,7 +10,7 @@ from mpm import Pose
 from robosim.base.errors import ConfigError
 from robosim.config.tool import HEAD
 from robosim.robot.hand import NONE, Hand
-from robosim.robot.mjspec import compile_spec, find_site_pose, quiet_attachment
+from robosim.robot.mjspec import BARE, compile_spec, find_site_pose, quiet_attachment
 from robosim.robot.robot import Robot
 
 HAND_PREFIX = "hand_"
@@ -55,7 +55,7 @@ class Assembly:
         """Name of the body at the flange, with which all hangs that the wrist carries."""
         if self.hand is not None:
             return HAND_PREFIX + self.hand.base
-        return "clamp"
+        return f"{HAND_PREFIX}clamp"
 
     @property
     def gripper_name(self) -> str:
@@ -67,10 +67,8 @@ class Assembly:
         arm = self.robot.spec.copy()
         meet_heads(arm)
         with quiet_attachment():
-            if self.hand is None:
-                self._add_clamp(arm)
-            else:
-                arm.attach(self.hand.spec.copy(), site=arm.site(self.robot.flange), prefix=HAND_PREFIX)
+            hand = make_clamp(self.robot.standoff) if self.hand is None else self.hand.spec.copy()
+            arm.attach(hand, site=arm.site(self.robot.flange), prefix=HAND_PREFIX)
             if self.tool is not None:
                 turn = Rotation.from_euler("z", self.grip_turn_deg, degrees=True).as_quat(scalar_first=True)
                 T_wg = self._find_grip() @ Pose(np.zeros(3), turn)
@@ -86,21 +84,23 @@ class Assembly:
             frame = spec.worldbody.add_frame(pos=stand.position, quat=stand.quaternion)
             frame.attach_body(own.body(self.robot.base), "", "")
 
-    def _add_clamp(self, arm: mujoco.MjSpec) -> None:
-        """Put a post at the flange whose end holds a handle."""
-        flange, length = arm.site(self.robot.flange), self.robot.standoff
-        body = flange.parent.add_body(name=self.wrist, pos=flange.pos, quat=flange.quat)
-        for group, collides in ((2, 0), (3, 1)):
-            body.add_geom(name="clamp_post" if collides else "", type=mujoco.mjtGeom.mjGEOM_CYLINDER, group=group,
-                          size=[CLAMP_RADIUS, length / 2.0, 0.0], pos=[0.0, 0.0, length / 2.0],
-                          mass=0.0 if collides else CLAMP_MASS, contype=collides, conaffinity=collides,
-                          rgba=[0.72, 0.73, 0.75, 1.0])
-
     def _find_grip(self) -> Pose:
         """Pose of the grip in the frame of the wrist's body."""
         if self.hand is not None:
             return find_site_pose(self.hand.spec, self.hand.grip, self.hand.base)
         return Pose(np.array([0.0, 0.0, self.robot.standoff]), APPROACH_TO_GRIP.as_quat(scalar_first=True))
+
+
+def make_clamp(length: float) -> mujoco.MjSpec:
+    """Make a post of a length [m] whose end holds a handle."""
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="clamp")
+    for group, collides in ((2, 0), (3, 1)):
+        body.add_geom(name="clamp_post" if collides else "", type=mujoco.mjtGeom.mjGEOM_CYLINDER, group=group,
+                      size=[CLAMP_RADIUS, length / 2.0, 0.0], pos=[0.0, 0.0, length / 2.0],
+                      mass=0.0 if collides else CLAMP_MASS, contype=collides, conaffinity=collides,
+                      rgba=[0.72, 0.73, 0.75, 1.0])
+    return spec
 
 
 def meet_heads(spec: mujoco.MjSpec) -> None:
@@ -123,11 +123,11 @@ def add_sensors(spec: mujoco.MjSpec, assembly: Assembly) -> None:
     """Add sensors of force and torque between flange and hand, in the axes of WRIST_SITE, and of torque to each joint.
     Those of joints measure beyond motor, rotor and bearing friction; of slides they measure the force."""
     force, torque, site = (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE, mujoco.mjtObj.mjOBJ_SITE)
-    spec.body(assembly.wrist).add_site(name=WRIST_SITE, group=4)
+    spec.body(assembly.wrist).add_site(BARE.default, name=WRIST_SITE, group=4)
     for name, kind in (("wrist_force", force), ("wrist_torque", torque)):
         spec.add_sensor(name=name, type=kind, objtype=site, objname=WRIST_SITE)
     for name in assembly.robot.joints:
         joint, place = spec.joint(name), f"{name}_torque_site"
-        joint.parent.add_site(name=place, pos=joint.pos, group=4)
+        joint.parent.add_site(BARE.default, name=place, pos=joint.pos, group=4)
         spec.add_sensor(name=f"{name}_torque", type=force if name in assembly.robot.slides else torque, objtype=site,
                         objname=place)

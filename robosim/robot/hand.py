@@ -9,7 +9,7 @@ from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import part_path
 from robosim.config.arm import GripperConfig
 from robosim.config.table import Placement, load
-from robosim.robot.mjspec import locate_model, read_model
+from robosim.robot.mjspec import BARE, locate_model, read_model
 from robosim.robot.robot import place_site
 
 NONE = "none"
@@ -62,7 +62,7 @@ def load_hand_model(config: GripperConfig, place: Path) -> Hand:
         effort, way = joints[name].actfrcrange[1], abs(command - config.closed[name])
         if min(effort, way) <= 0.0:
             raise ConfigError(f"{path}: joint {name} goes {way:g} with effort {effort:g}; accepted: both above 0")
-        servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo = spec.add_actuator(BARE.default, name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=effort / (0.1 * way), dampratio=1.0)
         servo.forcelimited, servo.forcerange = True, [-effort, effort]
     return Hand(path.stem, spec, roots[0], config.grip, dict(config.open), dict(config.closed), config.squeeze)

@@ -17,6 +17,8 @@ from robosim.robot.urdf import parse_model, read_urdf
 
 MENAGERIE = "menagerie:"
 """Begin of the name of a model in a local copy of MuJoCo Menagerie."""
+BARE = mujoco.MjSpec()
+"""Whose defaults are MuJoCo's own: what is added to a laboratory's model must not take those of its classes."""
 
 
 def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.MjSpec:
@@ -88,12 +90,19 @@ def find_in_menagerie(name: str) -> Path:
 def quiet_attachment() -> Iterator[None]:
     """Suppress MuJoCo's warnings about attaching with an empty prefix, and a part with options of its own.
     A laboratory's names of joints and bodies are kept; names that occur twice are an error of `compile_spec`. The
-    options that hold are those of the scene."""
+    options that hold are those of the scene. Raises ConfigError with MuJoCo's reason for parts that do not fit."""
     mujoco.set_mju_user_warning(lambda text: None)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*prefix.*|Attach conflict.*")
         try:
             yield
+        except ConfigError:
+            raise
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            remedy = "; arm, hand, tool, containers and work cell share their names: rename it in one of the models"
+            raise ConfigError(f"the scene cannot be compiled: {reason}{remedy if 'repeated name' in reason else ''}"
+                              ) from None
         finally:
             mujoco.set_mju_user_warning(None)
 
@@ -101,10 +110,7 @@ def quiet_attachment() -> Iterator[None]:
 def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile a specification; raises ConfigError with MuJoCo's reason where it cannot be."""
     with quiet_attachment():
-        try:
-            return spec.compile()
-        except ValueError as error:
-            raise ConfigError(f"the scene cannot be compiled: {' '.join(str(error).split())}") from None
+        return spec.compile()
 
 
 def find_site_pose(spec: mujoco.MjSpec, site: str, body: str) -> Pose:

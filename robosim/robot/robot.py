@@ -17,7 +17,7 @@ from robosim.base.resources import part_path
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig, ArmServo
 from robosim.config.bounds import JOINT_RANGE
 from robosim.config.table import load
-from robosim.robot.mjspec import locate_model, read_model
+from robosim.robot.mjspec import BARE, locate_model, read_model
 from robosim.robot.urdf import read_limits
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
@@ -138,12 +138,12 @@ def place_site(spec: mujoco.MjSpec, name: str, own: Pose, what: str) -> list[Any
                  *(f"body {b.name}" for b in spec.bodies if b.name and b.name != "world")]
         raise UnknownName(what, name, names)
     if site is None:
-        body.add_site(name=name, group=4)
+        body.add_site(BARE.default, name=name, group=4)
     compiled = spec.copy().compile().site(name)
     frame, turn = (Rotation.from_quat(quat, scalar_first=True) for quat in (compiled.quat, own.quaternion))
     place, turned = compiled.pos + frame.apply(own.position), (frame * turn).as_quat(scalar_first=True)
     spec.delete(spec.site(name))
-    body.add_site(name=name, pos=place, quat=turned, group=4)
+    body.add_site(BARE.default, name=name, pos=place, quat=turned, group=4)
     chain = []
     while body.parent is not None and body.name != "world":
         chain.append(body)
@@ -180,7 +180,8 @@ def write_limits(spec: mujoco.MjSpec, joints: list[Any], limits: dict[str, np.nd
         unit = np.degrees(1.0) if spec.compiler.degree and joint.type == HINGE else 1.0
         joint.range, joint.limited = [lower * unit, upper * unit], True
         joint.actfrcrange, joint.actfrclimited = [-most, most], True
-        motor = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor = spec.add_actuator(BARE.default, name=joint.name, target=joint.name,
+                                  trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.set_to_motor()
         motor.ctrllimited = motor.forcelimited = True
         motor.ctrlrange = motor.forcerange = [-most, most]

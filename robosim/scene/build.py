@@ -9,7 +9,7 @@ from robosim.config.arm import Grip
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig
 from robosim.robot.assembly import Assembly, add_sensors, meet_heads
-from robosim.robot.mjspec import quiet_attachment, read_model
+from robosim.robot.mjspec import BARE, quiet_attachment, read_model
 from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.grasp import release_tool_joints
 from robosim.scene.models import assemble, load_container, load_spec
@@ -46,8 +46,8 @@ def read_workcell(config: RehearsalConfig) -> mujoco.MjSpec:
         body = spec.worldbody.add_body(name=obstacle.name, pos=obstacle.pose.position, quat=obstacle.pose.quaternion)
         radius, _, height = obstacle.half
         kind = mujoco.mjtGeom.mjGEOM_CYLINDER if obstacle.round else mujoco.mjtGeom.mjGEOM_BOX
-        body.add_geom(name=obstacle.name, type=kind, size=(radius, height, 0.0) if obstacle.round else obstacle.half,
-                      rgba=OBSTACLE)
+        body.add_geom(BARE.default, name=obstacle.name, type=kind, rgba=OBSTACLE,
+                      size=(radius, height, 0.0) if obstacle.round else obstacle.half)
     return spec
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.base.errors import ConfigError
 from robosim.robot.assembly import HAND_PREFIX, Assembly
-from robosim.robot.mjspec import body_ids_below
+from robosim.robot.mjspec import BARE, body_ids_below
 from robosim.scene.compiled import Scene
 from robosim.scene.frames import body_pose
 
@@ -39,9 +39,9 @@ def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly, stand: mpm.Pose
         part.name = part.name or f"{assembly.wrist}_{number}"
     for solid in (geom for geom in body.geoms if geom.contype & 1):
         for part in palm:  # MuJoCo makes no contacts between a body and its parent otherwise
-            spec.add_pair(geomname1=part.name, geomname2=solid.name)
+            spec.add_pair(BARE.default, geomname1=part.name, geomname2=solid.name)
     place = np.zeros(7) if stand is None else np.concatenate(stand)  # zero: the relative pose of the compiled model
-    spec.add_equality(name=HOLDER, type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY,
+    spec.add_equality(BARE.default, name=HOLDER, type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY,
                       name1=assembly.wrist if stand is None else "world", name2=assembly.tool.name,
                       solref=[0.004, 1.0], solimp=[0.999, 0.9999, 0.001, 0.5, 2.0],
                       data=[0.0, 0.0, 0.0, *place, 1.0, 0.0])

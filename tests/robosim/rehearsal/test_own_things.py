@@ -30,7 +30,7 @@ def test_paths_are_relative_to_the_file_and_the_scene_has_the_own_things(folder:
     assert low is not None and high is not None and low[0] < 0.47 and high[1] > 0.35 and high[2] > 0.3
     scene = compile_rehearsal(config)
     bodies = {scene.model.body(k).name for k in range(scene.model.nbody)}
-    assert {"ladle", "full", "empty", "clamp"} <= bodies
+    assert {"ladle", "full", "empty", "hand_clamp"} <= bodies
     assert scene.model.body("ladle").mass[0] == pytest.approx(0.12)
 
 

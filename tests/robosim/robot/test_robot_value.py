@@ -15,9 +15,11 @@ from written_arms import write_arm
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import part_names
 from robosim.config.arm import ArmConfig
+from robosim.robot.assembly import CLAMP_MASS, Assembly, add_sensors
 from robosim.robot.mjspec import compile_spec, locate_model
 from robosim.robot.model import Arm
 from robosim.robot.robot import load_arm, load_robot_model
+from robosim.scene.build import build_scene_spec
 from robosim.scene.models import assemble
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -197,3 +199,36 @@ def test_an_arm_that_is_not_there_is_refused(tmp_path: Path) -> None:
         load_arm("ur10")
     with pytest.raises(ConfigError, match="no such file; accepted: a .yaml file of your own, or one of gen3"):
         load_arm(str(tmp_path / "mine.yaml"))
+
+
+def test_defaults_and_options_of_the_model_are_of_its_own_elements(tmp_path: Path) -> None:
+    """Motors, flange, clamp and sensors are the same whatever the arm's file sets for what it does not spell out."""
+    path = write_arm(tmp_path / "plain.xml", 6)
+    hostile = ('<compiler inertiagrouprange="0 1" boundmass="5"/><default><motor gear="100"/><site euler="0 90 0"/>'
+               '<geom euler="90 0 0" margin="0.01"/><equality solref="0.5 1"/><default class="arm"/></default>')
+    text = path.read_text().replace("<mujoco>", f"<mujoco>{hostile}")
+    (tmp_path / "hostile.xml").write_text(text.replace('name="stand"', 'name="stand" childclass="arm"'))
+    models = []
+    for name in ("plain.xml", "hostile.xml"):
+        robot = load_robot_model(ArmConfig.model_validate({
+            "model": name, "flange": "l5", "limits": {"velocity": [1.0] * 6}}), tmp_path)
+        assembly, spec = Assembly(robot, None, None), mujoco.MjSpec()
+        assembly.attach_to(spec)
+        add_sensors(spec, assembly)
+        models.append(compile_spec(spec))
+    first, second = models
+    assert [second.actuator(name).gear[0] for name in robot.joints] == [1.0] * 6
+    for name in ("l5", "wrist_sensor", *(f"{joint}_torque_site" for joint in robot.joints)):
+        np.testing.assert_allclose(second.site(name).quat, first.site(name).quat, atol=1e-12)
+    for key in ("mass", "inertia", "iquat"):
+        np.testing.assert_allclose(getattr(second.body("hand_clamp"), key), getattr(first.body("hand_clamp"), key))
+    assert first.body("hand_clamp").mass == CLAMP_MASS
+
+
+@pytest.mark.parametrize("name", ["hand_clamp", "table"])
+def test_a_link_named_like_a_part_of_the_scene_is_refused_with_the_remedy(tmp_path: Path, name: str) -> None:
+    path = write_arm(tmp_path / "arm.xml", 6)
+    path.write_text(path.read_text().replace('name="l2"', f'name="{name}"'))
+    robot = read(path, limits={"velocity": [1.0] * 6})
+    with pytest.raises(ConfigError, match=f"repeated name '{name}' in body; .* rename it in one of the models"):
+        compile_spec(build_scene_spec(Assembly(robot, None, None), "weld", {}, 0.001, contact=False))
