@@ -72,24 +72,6 @@ def test_periodic_axis_shifts_nothing() -> None:
     assert np.abs(ends[0] - ends[1]).max() <= 1e-9
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("axes", [3, 2, 1])
-def test_block_across_a_periodic_corner_keeps_its_momentum(axes: int) -> None:
-    """A lone block that drifts over the seam of one, two or three axes."""
-    cell = 0.02
-    positions = np.mod(mpm.sample_box((0.11,) * 3, (0.21,) * 3, cell / 2), 0.16 + 1e-9)
-    sides = ("periodic",) * axes + ("slip",) * (3 - axes)
-    positions[:, axes:] = mpm.sample_box((0.04,) * 3, (0.14,) * 3, cell / 2)[:, axes:]
-    drift = np.array([1.0, 1.0, 0.5]) * (np.arange(3) < axes)
-    body = mpm.Body(mpm.Elastic(E=1e4, nu=0.3, density=1000.0), positions, volume=(cell / 2) ** 3,
-                    velocities=np.tile(drift, (len(positions), 1)))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16,) * 3, cell), bodies=[body], gravity=(0, 0, 0), precision="f64",
-                        walls=mpm.Walls(lower=sides, upper=sides))
-    solver.advance(0.05)
-    mass = solver.masses().sum()
-    assert solver.momentum().linear / mass == pytest.approx(drift, abs=1e-12)
-
-
 def test_ledger_closes_with_shell_and_solid_together() -> None:
     """Sand on a plate near the floor, struck by a moving ball: what the grains gain, somebody gave. The last pack,
     beside the plate, has one grain in four lanes."""
