@@ -121,20 +121,6 @@ def test_a_collider_wakes_what_is_near_and_leaves_alone_what_is_far(sleeping: mp
     assert not awake.all() and np.array_equal(before[~awake], sleeping.positions()[~awake])
 
 
-def test_a_ball_meets_the_bed_as_if_it_were_awake(sleeping: mpm.Solver) -> None:
-    """Force on a ball that dips into the bed: the sleepers that stop it are awake before it touches them."""
-    state, forces = sleeping.state(), []
-    awake = make([mpm.Collider(BALL, pose=mpm.Pose(HIGH, UPRIGHT), friction=0.3)], sleep=False)
-    awake.load(state)
-    for solver in (awake, sleeping):
-        rows = []
-        for _ in range(25):
-            lower(solver, 0.002, duration=0.01)
-            rows.append(solver.collider_impulse(0).force[2])
-        forces.append(np.array(rows))
-    assert forces[0].max() > 0.0 and np.abs(forces[1] - forces[0]).max() < 0.025 * forces[0].max()
-
-
 def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm.Solver) -> None:
     for _ in range(10):
         lower(sleeping, 0.003)

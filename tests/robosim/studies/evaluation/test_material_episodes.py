@@ -57,18 +57,6 @@ def test_the_time_step_suits_all_thirteen_materials():
         assert all(accepted_bound(task.field.cell, law) > task.field.dt for law in laws)
 
 
-@pytest.mark.slow
-def test_a_motion_deviates_in_another_material_only():
-    """Not in its own one, and little in a smoother one; a carried load arrives in both."""
-    assert load_task("SpoonTranslate").material == "salt"
-    episodes = {label: play_in_material("SpoonTranslate", "recorded", label)
-                for label in (OWN, "salt", "salt, 10 deg smoother")}
-    rows = command.make_rows({**dict.fromkeys(MATERIALS, episodes["salt"]), **episodes})
-    assert rows["salt"]["td_mm"] == 0.0 and 0.0 < rows["salt, 10 deg smoother"]["td_mm"] < 10.0
-    for label in ("salt", "salt, 10 deg smoother"):
-        assert rows[label]["score"] == pytest.approx(41.0) and rows[label]["delivered"] == 1.0
-
-
 def make_episode(score: float, trajectory: list[list[float]], diverged: str | None = None) -> dict:
     return {"score": score, "trajectory": trajectory, "diverged": diverged, "delivered": 1.0, "spilled": 0.0,
             "collisions": None}
