@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -197,29 +198,17 @@ def picture_of_page(page: Path, out: Path) -> None:
                     "--virtual-time-budget=8000", f"--screenshot={out}", cut.resolve().as_uri()], check=True)
 
 
-def report(out: Path) -> dict[str, Any]:
-    """Claims and runs of some cases."""
-    words = ["report", *CASES, "--quick"]
+WHOLE = {"report": [*CASES, "--quick"], "stability": AXES,
+         "bench": ["coupling", "kinematics", "SpoonPour", "ShovelMove", "arm_SpoonPour"]}
+"""Command whose file is stored as it is -> its words."""
+
+
+def whole(name: str, out: Path) -> dict[str, Any]:
+    """What one of these commands wrote."""
+    words = [name, *WHOLE[name]]
     command(words, out)
-    data = json.loads((out / "report.json").read_text())
-    return {**data, "made_by": made_by([*words, "--out", "out/report"])}
-
-
-def stability(out: Path) -> dict[str, Any]:
-    """Verdicts of some axes."""
-    words = ["stability", *AXES]
-    command(words, out)
-    data = json.loads((out / "stability.json").read_text())
-    return {**data, "made_by": made_by([*words, "--out", "out/stability"])}
-
-
-def bench(out: Path) -> dict[str, Any]:
-    """Coupled step, kinematics, environments."""
-    words = ["bench", "coupling", "kinematics", "SpoonPour", "ShovelMove", "arm_SpoonPour"]
-    command(words, out)
-    data = json.loads((out / "bench.json").read_text())
-    return {**data, "made_by": made_by([*words, "--out", "out/bench"]),
-            "code": code_digest("robosim.studies.benchmarks.bench")}
+    data = json.loads((out / f"{name}.json").read_text())
+    return {**data, "made_by": made_by([*words, "--out", f"out/{name}"])}
 
 
 def bench_field(out: Path) -> dict[str, Any]:
@@ -274,9 +263,8 @@ def networks(_: Path) -> None:
 
 
 TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
-    "rehearsal_spoon": rehearsal_spoon, "report": report, "stability": stability, "bench": bench,
-    "bench_field": bench_field, "gallery": gallery, "arms": arms,
-    "foreign_arms": foreign_arms, "networks": networks}
+    "rehearsal_spoon": rehearsal_spoon, **{name: partial(whole, name) for name in WHOLE}, "bench_field": bench_field,
+    "gallery": gallery, "arms": arms, "foreign_arms": foreign_arms, "networks": networks}
 
 
 def main(names: list[str]) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from extreme_values import FILLS, SMALL, array_files, damaged, fuzz, handle, json_files, places, replaced
@@ -155,14 +154,8 @@ def compare(path: Path) -> None:
     page.html()
 
 
-def draw_points(path: Path, *, as_html: bool = False) -> None:
-    peers, plot = read_peers(path), Plot("collapse", "seconds", "error")
-    try:
-        draw_peers(plot, peers)
-        if as_html:  # takes half a second
-            plot.html()
-    finally:
-        plt.close("all")
+def draw_points(path: Path) -> None:
+    draw_peers(Plot("collapse", "seconds", "error"), read_peers(path))
 
 
 PRESET = load_preset("sac").model_dump()
@@ -205,13 +198,6 @@ def test_damaged_checkpoints_are_refused_or_borne(tmp_path: Path) -> None:
     path.write_bytes(content)
     assert checkpoint.load(path, None, None)[1]["episodes"] == 5
     fuzz(damaged(content), 300, lambda changed: (path.write_bytes(changed), checkpoint.load(path, is_trusted=True)))
-
-
-@pytest.mark.slow
-def test_points_of_other_codes_can_be_drawn(tmp_path: Path) -> None:
-    path = tmp_path / "points.json"
-    fuzz(json_files(TABLES["points of other codes"].content), 100,
-         lambda content: (path.write_bytes(content), draw_points(path, as_html=True)))
 
 
 @pytest.mark.parametrize("examples", FEW_AND_MANY)

@@ -7,18 +7,6 @@ from generators.markdown import table
 from robosim.commands.main import parser
 
 
-def subparsers(top: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Name of each command -> its parser."""
-    action = next(a for a in top._actions if isinstance(a, argparse._SubParsersAction))
-    return dict(action.choices)
-
-
-def summaries(top: argparse.ArgumentParser) -> dict[str, str]:
-    """Name of each command -> its one line."""
-    action = next(a for a in top._actions if isinstance(a, argparse._SubParsersAction))
-    return {choice.dest: choice.help or "" for choice in action._choices_actions}
-
-
 def option(action: argparse.Action, form: argparse.HelpFormatter) -> str:
     """How an argument is written on the command line."""
     if not action.option_strings:
@@ -49,11 +37,11 @@ def section(name: str, summary: str, command: argparse.ArgumentParser) -> str:
     return "\n".join(parts)
 
 
-def page(top: argparse.ArgumentParser | None = None) -> str:
+def page() -> str:
     """All commands in the order of `robosim --help`."""
-    top = top or parser()
-    lines = summaries(top)
+    action = next(a for a in parser()._actions if isinstance(a, argparse._SubParsersAction))
+    lines = {choice.dest: choice.help or "" for choice in action._choices_actions}
     overview = table(["command", "what it does"],
-                     [[f"[`{name}`](#robosim-{name})", lines.get(name, "")] for name in subparsers(top)])
+                     [[f"[`{name}`](#robosim-{name})", lines.get(name, "")] for name in action.choices])
     return overview + "\n" + "\n".join(section(name, lines.get(name, name), one)
-                                       for name, one in subparsers(top).items())
+                                       for name, one in action.choices.items())

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
-from generators import api, catalogue, commands, figures, keys, randomization, rooms, senses
-from generators.results import arms, dosing, learning, performance, verification
+from generators import api, catalogue, commands, figures, keys, rooms
+from generators.results import dosing, learning, performance, verification
 
 PARTS: dict[str, Callable[[], str]] = {
     "commands.md": commands.page,
@@ -17,9 +17,9 @@ PARTS: dict[str, Callable[[], str]] = {
     "verification.md": verification.page,
     "stability.md": verification.stability_page,
     "performance.md": performance.page,
-    "arms.md": arms.page,
+    "arms.md": performance.arms_page,
     "dosing.md": dosing.page,
-    "foreign_arms.md": arms.foreign_page,
+    "foreign_arms.md": performance.foreign_arms_page,
     "learning_scores.md": learning.scores_page,
     "learning_changes.md": learning.changes_page,
     "learning_changes.svg": learning.changes_figure,
@@ -27,8 +27,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "learning_materials.md": learning.materials_page,
     "materials.md": catalogue.materials,
     "tasks.md": catalogue.tasks,
-    "senses.md": senses.page,
-    "randomization.md": randomization.page,
+    "senses.md": catalogue.senses,
+    "randomization.md": catalogue.randomization,
     "methods.md": catalogue.methods,
     **{f"{draw.__name__}.svg": draw for draw in (figures.weights, figures.cone, figures.stride, figures.shell,
                                                  figures.coupling, figures.checkpoints)},

@@ -3,6 +3,7 @@
 import ast
 import re
 from functools import lru_cache
+from graphlib import TopologicalSorter
 from html import escape
 from pathlib import Path
 
@@ -45,13 +46,9 @@ def arrows() -> dict[str, set[str]]:
     return {here: targets - {here} for here, targets in result.items()}
 
 
-def below(graph: dict[str, set[str]], here: str, path: tuple[str, ...] = ()) -> set[str]:
+def below(graph: dict[str, set[str]], here: str) -> set[str]:
     """All rooms that a room reaches."""
-    found: set[str] = set()
-    for other in graph.get(here, ()):
-        if other not in path:
-            found |= {other} | below(graph, other, (*path, here))
-    return found
+    return set().union(*({other} | below(graph, other) for other in graph.get(here, ())))
 
 
 def reduced(graph: dict[str, set[str]]) -> dict[str, set[str]]:
@@ -69,16 +66,12 @@ def package_graph(package: str) -> dict[str, set[str]]:
 
 def floors(graph: dict[str, set[str]]) -> list[list[str]]:
     """Rooms by the length of the longest way down, lowest first."""
-    depth: dict[str, int] = {}
-
-    def level(here: str, path: tuple[str, ...] = ()) -> int:
-        if here not in depth:
-            depth[here] = max((1 + level(t, (*path, here)) for t in graph.get(here, ()) if t not in path), default=0)
-        return depth[here]
-
-    for here in graph:
-        level(here)
-    return [sorted(h for h in graph if depth[h] == k) for k in range(max(depth.values(), default=-1) + 1)]
+    sorter, rows = TopologicalSorter(graph), []
+    sorter.prepare()
+    while rooms := sorter.get_ready():
+        rows.append(sorted(rooms))
+        sorter.done(*rooms)
+    return rows
 
 
 def drawn(package: str, left: float, top: float, width: float) -> tuple[str, float]:

@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
             return record_expert(task, o.out, o.expert, seed=o.seed, randomize=o.randomize, material=o.material,
                                  action_repeat=o.action_repeat)
         from policies.demonstrations.demo import demonstrate
-        from policies.results.demonstration_page import write_demonstration_page
+        from policies.results.pages import write_demonstration_page
 
         return demonstrate(task, o.out, take_options(SearchOptions, o), n=o.n, jobs=o.jobs, arm=o.arm,
                            film=not o.no_video, page=write_demonstration_page)

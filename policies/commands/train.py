@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     config_path("training", options.method, "method")
     check_trainable(options.task)
     from policies.methods.train import train
-    from policies.results.run_page import write_run_page
+    from policies.results.pages import write_run_page
 
     o = options
     return train(o.method, o.task, o.out, take_options(TrainingOptions, o), episodes=o.episodes, obs=o.obs,

@@ -9,9 +9,8 @@ import mpm
 from mpm.array_files import read_arrays
 from policies.learning.presets import SEARCH, Preset
 from robosim.episode.play import Transition
+from robosim.studies.evaluation.policies import MAX_REPEAT
 
-MAX_REPEAT = 10_000
-"""Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
 MAX_SEED = 2**63 - 1
 """Largest seed: files hold them as 64-bit integers."""
 

@@ -9,11 +9,11 @@ import mpm
 from robosim.coupling.plugin import Coupling, GranularPlugin
 from robosim.robot.assembly import WRIST_SITE
 from robosim.robot.joint_control import Servo
+from robosim.robot.mjspec import body_pose
 from robosim.robot.model import Arm, Gains
 from robosim.robot.timing import JointState
 from robosim.scene.collisions import ContactCounter
 from robosim.scene.compiled import Scene
-from robosim.scene.frames import body_pose
 from robosim.scene.grasp import Grasp, put_tool
 
 

@@ -1,3 +1,3 @@
 """Two-way coupling of a MuJoCo scene and a granular field.
 
-Imports: base, recordings, scene, mpm."""
+Imports: base, recordings, robot, scene, mpm."""

@@ -9,7 +9,7 @@ import numpy as np
 import mpm
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.coupling.geom_colliders import make_collider
-from robosim.scene.frames import body_pose
+from robosim.robot.mjspec import body_pose
 
 
 class CoupledBodies:

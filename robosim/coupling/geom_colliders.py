@@ -9,7 +9,7 @@ import trimesh
 import mpm
 from mpm.geometry.shape import Shape
 from robosim.base.errors import ConfigError
-from robosim.scene.frames import body_pose
+from robosim.robot.mjspec import body_pose
 
 MESH_CELLS = 0.2
 """Lattice spacing of a mesh's signed distance, in cells of the grid."""

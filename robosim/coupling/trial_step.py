@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 import mpm
-from robosim.scene.frames import body_pose
+from robosim.robot.mjspec import body_pose
 
 LINEAR_FIRST = [3, 4, 5, 0, 1, 2]
 """Columns of a velocity of MuJoCo's, which has the angular one first."""

@@ -7,7 +7,7 @@ import numpy as np
 
 import mpm
 from mpm.observers.region_counter import MAX_READINGS
-from robosim.dosing.vibration import Vibration
+from robosim.dosing.motion import Vibration
 from robosim.envs.episode import read_pose
 from robosim.tasks.actions import move_pose
 from robosim.tasks.counting import TOOL

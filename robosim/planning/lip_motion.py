@@ -7,7 +7,7 @@ from mpm import Pose
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import DoseCommand
-from robosim.dosing.vibration import Vibration
+from robosim.dosing.motion import Vibration
 from robosim.shapes import tool_shape
 
 LEVEL = np.radians(1.0)

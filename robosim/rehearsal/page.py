@@ -15,8 +15,8 @@ from robosim.rehearsal.dosing_driver import DoseSample, DosingDriver
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.video import read_frame
-from robosim.reports.curves import Chart, Curve, draw_charts
 from robosim.reports.page import Page
+from robosim.reports.plot import Chart, Curve, draw_charts
 
 AVERAGED_STEPS = 20
 """Steps over which plotted forces are averaged; those in trajectory.csv are not."""

@@ -10,7 +10,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from robosim.base.provenance import provenance
-from robosim.reports.curves import Chart, Curve, draw_charts
+from robosim.reports.plot import Chart, Curve, draw_charts
 
 STATUSES = ("pass", "fail", "not run", "stable", "refused", "unstable", "held", "missed")
 """Words that a table shows in a colour of their own."""
@@ -50,7 +50,7 @@ class Page:
         self._add("text", text=text)
 
     def add_plot(self, html: str, caption: str = "") -> None:
-        """Add a plot, as `robosim.reports.plot` or `.curves` makes it, with a caption."""
+        """Add a plot, as `robosim.reports.plot` makes it, with a caption."""
         self._add("plot", html=html, caption=caption)
 
     def add_curves(self, charts: Mapping[str, Mapping[str, tuple[Sequence[float], Sequence[float]]]], x: str,

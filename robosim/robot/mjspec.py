@@ -129,3 +129,8 @@ def body_ids_below(model: mujoco.MjModel, root: int) -> np.ndarray:
     for body in range(root + 1, model.nbody):
         inside[body] = inside[model.body_parentid[body]]
     return np.flatnonzero(inside)
+
+
+def body_pose(data: mujoco.MjData, body: int) -> Pose:
+    """Return the world pose of a body's frame."""
+    return Pose(data.xpos[body].copy(), data.xquat[body].copy())

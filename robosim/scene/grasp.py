@@ -9,9 +9,8 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.base.errors import ConfigError
 from robosim.robot.assembly import HAND_PREFIX, Assembly
-from robosim.robot.mjspec import BARE, body_ids_below
+from robosim.robot.mjspec import BARE, body_ids_below, body_pose
 from robosim.scene.compiled import Scene
-from robosim.scene.frames import body_pose
 
 CLOSING_SHARE = 0.6
 """Share of the grasp time in which the fingers close; in the rest they settle on the handle."""

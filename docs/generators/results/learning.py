@@ -15,11 +15,12 @@ from policies.results.rows import find_stale
 from policies.results.summary import summarise_runs
 from policies.results.tables import collect_rows, score_table
 from policies.runs.sweep_file import load_sweep, plan_runs
+from robosim.studies.evaluation import NETWORKS as FOLDERS
 
 TRAINED = ROOT / "policies" / "trained"
 NETWORKS = ROOT / "docs" / "results" / "data" / "networks"
 """What `robosim evaluate` wrote on each network; the rows of the episodes are beside, as .csv."""
-KINDS = {"dagger": "networks", "student": "students"}
+KINDS = {"dagger": FOLDERS["network"], "student": FOLDERS["student"]}
 """Line of the sweep that makes the bundled policies -> folder of policies/trained."""
 COMPARED = ("knowing", "recorded", "scripted")
 SINGLE_CHANGES = ("single_changes.yaml", "thousand_decisions.yaml")
@@ -88,11 +89,11 @@ def networks_page() -> str:
         lines = []
         for one in own:
             named = {Path(name).parent.name: figures for name, figures in one["policies"].items()} | one["policies"]
-            lines.append([one["task"], *(cell for name in (*KINDS.values(), *COMPARED)
+            lines.append([one["task"], *(cell for name in (*FOLDERS.values(), *COMPARED)
                                          for cell in score_and_success(named.get(name)))])
         commits = ", ".join(sorted({f"`{one['made_by']['commit']}`" for one in own}))
         episodes = {figures["episodes"] for one in own for figures in one["policies"].values()}
-        head = ["task", *(f"{name}, {figure}" for name in ("network", "student", *COMPARED)
+        head = ["task", *(f"{name}, {figure}" for name in (*FOLDERS, *COMPARED)
                           for figure in ("score", "success"))]
         parts.append(f"Suite `{suite}`, {' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}.\n\n"
                      f"{table(head, lines)}")

@@ -8,14 +8,15 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from generators.markdown import table
+
 ROOT = Path(__file__).resolve().parents[3]
 DATA = ROOT / "docs" / "results" / "data"
 
 
 def stored(name: str) -> dict[str, Any]:
-    """A file of measured results, or an empty table where it was not measured."""
-    path = DATA / f"{name}.json"
-    return json.loads(path.read_text()) if path.is_file() else {}
+    """A file of measured results."""
+    return json.loads((DATA / f"{name}.json").read_text())
 
 
 def origin(made_by: dict[str, str]) -> str:
@@ -33,6 +34,12 @@ def outdated(name: str, module: str) -> str:
         return ""
     return "\n:::{note}\nThe code has changed since these numbers were measured. `python docs/measure.py " \
            f"{name}` measures them again.\n:::\n"
+
+
+def section(name: str, module: str) -> str:
+    """The rows of a file, below where they come from."""
+    measured = stored(name)
+    return "\n".join([origin(measured["made_by"]), outdated(name, module), table(measured["head"], measured["rows"])])
 
 
 def substitutions() -> dict[str, str]:

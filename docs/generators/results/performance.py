@@ -1,19 +1,25 @@
-"""The performance page, from what `robosim bench` wrote."""
+"""The pages of speed and of arms, from what `robosim bench` wrote and `robosim rehearse` reported with each arm."""
 
 from generators.markdown import table
-from generators.results.measured import origin, outdated, stored
+from generators.results.measured import origin, outdated, section, stored
 
 
 def page() -> str:
     """Speed of coupling, kinematics and environments, then of the field alone."""
-    parts = []
     whole = stored("bench")
-    if whole:
-        figures = whole.get("figures", {})
-        parts += ["## Coupled step, kinematics, environments\n", origin(whole["made_by"]),
-                  outdated("bench", "robosim.studies.benchmarks.bench"), table(["measured", "value"], figures.items())]
-    field = stored("bench_field")
-    if field:
-        parts += ["## Field alone\n", origin(field["made_by"]),
-                  outdated("bench_field", "robosim.studies.benchmarks.field"), table(field["head"], field["rows"])]
-    return "\n".join(parts) or "Nothing is stored. `python docs/measure.py bench bench_field` measures it.\n"
+    return "\n".join(["## Coupled step, kinematics, environments\n", origin(whole["made_by"]),
+                      outdated("bench", "robosim.studies.benchmarks.bench"),
+                      table(["measured", "value"], whole["figures"].items()),
+                      "## Field alone\n", section("bench_field", "robosim.studies.benchmarks.field")])
+
+
+def arms_page() -> str:
+    """A row for each arm, gripper and rehearsal."""
+    return section("arms", "robosim.commands.runs.rehearse")
+
+
+def foreign_arms_page() -> str:
+    """A row for each arm of another package, and the lines with which some are refused."""
+    refused = stored("foreign_arms")
+    return "\n".join([section("foreign_arms", "robosim.commands.runs.rehearse"),
+                      table(refused["refused_head"], refused["refused"])])

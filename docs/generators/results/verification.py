@@ -3,7 +3,7 @@
 import re
 
 from generators.markdown import code, table
-from generators.results.measured import origin, stored
+from generators.results.measured import origin, outdated, stored
 from robosim.base.digests import code_digest
 from robosim.studies.verification.cases import NAMES, SUBJECTS, find, module_name
 from robosim.studies.verification.stability.field import AXES
@@ -59,12 +59,10 @@ def overview() -> str:
 def page() -> str:
     """All cases, then the expectations and runs of those in the stored report."""
     report = stored("report")
-    text = f"## Cases\n\n{overview()}\n"
-    if not report:
-        return text + "No report is stored. `python docs/measure.py report` makes one.\n"
     measured = report["cases"]
     verdicts = [c["verdict"] for result in measured.values() for c in result["claims"]]
-    text += f"\n## Results\n\n{origin(report['made_by'])}\n{len(measured)} cases, {len(report['runs'])} runs: " \
+    text = f"## Cases\n\n{overview()}\n\n## Results\n\n{origin(report['made_by'])}\n" \
+            f"{len(measured)} cases, {len(report['runs'])} runs: " \
             f"{verdicts.count('pass')} expectations met, {verdicts.count('fail')} failed, " \
             f"{verdicts.count('not run')} need runs that `--quick` does not include.\n\n{note_on_age(report['runs'])}"
     return text + "\n".join(case_section(name, result, report["runs"]) for name, result in measured.items())
@@ -73,10 +71,7 @@ def page() -> str:
 def stability_page() -> str:
     """Axes of the stability matrix, and the verdicts of the stored cells."""
     report = stored("stability")
-    text = f"Axes: {', '.join(code(axis) for axis in AXES)}.\n\n"
-    if not report:
-        return text + "No verdicts are stored. `python docs/measure.py stability` makes some.\n"
-    old = report["code"] != code_digest("robosim.studies.verification.stability.field")
-    note = ":::{note}\nMeasured with earlier code.\n:::\n\n" if old else ""
     rows = [[cell["axis"], str(cell["value"]), cell["verdict"], cell["reason"]] for cell in report["cells"]]
-    return f"{text}{origin(report['made_by'])}\n{note}{table(['axis', 'value', 'verdict', 'reason'], rows)}"
+    return "\n".join([f"Axes: {', '.join(code(axis) for axis in AXES)}.\n", origin(report["made_by"]),
+                      outdated("stability", "robosim.studies.verification.stability.field"),
+                      table(["axis", "value", "verdict", "reason"], rows)])

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import mpm
+from robosim.base.digests import code_digest
 from robosim.base.errors import UnknownName
 from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
@@ -107,7 +108,7 @@ def bench(parts: list[str], out: Path | None) -> int:
             raise UnknownName("part", part, PARTS, also)
     folder = OutputFolder(out) if out else None
     names, figures, failures = parts or DEFAULT_PARTS, {}, {}
-    result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
+    result = {"made_by": provenance(), "code": code_digest(__name__), "figures": figures, "not_measured": failures}
     work = [Job("robosim.studies.benchmarks.bench:measure_part", {"name": name}) for name in names]
     for index, (_, measured, reason) in Study(None).run(work):  # times are those of today
         figures |= measured or {}

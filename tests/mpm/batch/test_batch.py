@@ -1,11 +1,8 @@
 """Futures that share a solver's fields are those that the solver has alone, to the bit."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
+from exact_sums import compare_exactly
 from field_parts import at, block, sand
 
 import mpm
@@ -62,20 +59,13 @@ def batch() -> mpm.Batch:
     return mpm.Batch(scene(), 3, readings=4)
 
 
-IEEE = """import mpm
-mpm.init(fast_math=False)
-import test_batch
-test_batch.compared(mpm.Batch(test_batch.scene(), 3, readings=4))
-"""
-
-
 def test_futures_are_those_of_the_solver_alone() -> None:
-    """Where sums may not be reordered: the kernels of a batch and of a solver are compiled apart."""
-    subprocess.run([sys.executable, "-c", IEEE], check=True, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+    compare_exactly("test_batch")
 
 
-def compared(batch: mpm.Batch) -> None:
+def compared() -> None:
     """Three starts, motions and numbers of steps, with other materials, volumes and places; two advances and a rest."""
+    batch = mpm.Batch(scene(), 3, readings=4)
     alone, materials, legs = scene(), (SALT, SOFT, SALT), (3, 2, 4)
     volumes = [factor * (CELL / 2) ** 3 for factor in (1.0, 0.8, 1.1)]
     frictions = (0.2, 0.0, 0.4)

@@ -10,7 +10,6 @@ from mpm.backend import ti
 from mpm.geometry.shell import SHELL_FACE
 
 CELL, SIDE = 0.01, 0.12
-NAMED = mpm.Shell.from_mesh(trimesh.creation.icosphere(1, 0.03), 1e-3, face_cells=SHELL_FACE)
 
 
 def impulse_of_flow(face_cells: float) -> np.ndarray:
@@ -37,13 +36,6 @@ def test_a_face_holds_the_nodes_in_front_of_it() -> None:
     whole, half = impulse_of_flow(SHELL_FACE), impulse_of_flow(0.51)
     assert 0 < half[0] < 0.9 * whole[0]
     assert np.abs(half[1:]).max() < 0.05 * half[0]  # the mesh is not quite symmetric
-
-
-def test_the_usual_face_is_the_default() -> None:
-    """A shell that names it shares kernels with one that does not, one with another face shares none."""
-    mesh = trimesh.creation.icosphere(1, 0.03)
-    assert mpm.Shell.from_mesh(mesh, 1e-3).signature() == NAMED.signature()
-    assert mpm.Shell.from_mesh(mesh, 1e-3, face_cells=0.51).signature() != NAMED.signature()
 
 
 def test_an_inner_edge_has_a_normal_on_its_diagonal() -> None:

@@ -52,15 +52,6 @@ def test_the_bound_is_that_of_an_isolated_particle() -> None:
     assert material_bound(0.02, law) * wave / 0.02 == pytest.approx(0.734, abs=5e-4)
 
 
-def test_phases_add_up_to_a_circle() -> None:
-    """The formula of the docs is the condition on the phases 2 arcsin(omega dt / 2) of the two modes."""
-    for nu in (0.0, 0.05, 0.1, 0.15):
-        f = resonant_share(nu)
-        volumetric, deviatoric = 2 * np.arcsin(f), 2 * np.arcsin(f / np.sqrt(1 + 3 * nu / (1 - 2 * nu)))
-        assert volumetric + 2 * deviatoric == pytest.approx(2 * np.pi, abs=1e-9)
-    assert resonant_share(0.0) == pytest.approx(THIRD) and resonant_share(0.2 - 1e-9) == pytest.approx(1.0, abs=1e-4)
-
-
 @pytest.mark.parametrize("nu", [0.0, 0.05, 0.1, 0.15, 0.3, 0.45])
 def test_a_lone_particle_resonates_beyond_the_accepted_step(nu: float) -> None:
     """Its linear modes are stable up to 1. Two-to-one for nu < 0.2; three-to-one for every material."""

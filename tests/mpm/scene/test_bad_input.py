@@ -73,18 +73,6 @@ def test_walls_refuse() -> None:
         mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.01, 0.1), 0.01), bodies=[slab])
 
 
-def test_divergence_says_everything() -> None:
-    field = solver([cube()], [ball()])
-    state = field.state()
-    for velocity in (1e6, 1e30):  # whose square is infinite
-        state["v"][7] = velocity
-        field.load(state)
-        with pytest.raises(mpm.SimulationDiverged) as caught:
-            field.advance(field.dt)
-        assert caught.value.diagnostics.mass == pytest.approx(1500 * 0.05**3)
-        assert caught.value.speed > 1e3 or caught.value.diagnostics.first_non_finite is not None
-
-
 def test_diagnostics_of_a_resting_cube() -> None:
     seen = solver([cube()], gravity=(0, 0, 0)).diagnostics()
     assert seen.mass == pytest.approx(0.1875) and seen.cfl == 0 and seen.escaped == 0

@@ -43,7 +43,6 @@ SUSPICIOUS: dict[str, tuple[Callable[[], object], type[Warning], str]] = {
     "volume of a cell, jittered": (lambda: check(block(volume=CELL**3, rng=np.random.default_rng(0))),
                                    mpm.VolumeMismatch, "fit a spacing of 10 mm"),
     "the whole volume": (lambda: check(block(volume=0.05**3)), mpm.CoarseGrains, "grains of 50 mm"),
-    "cubic millimetres": (lambda: check(block(volume=5.0**3)), mpm.CoarseGrains, r"grains of 5e\+03 mm"),
     "too small": (lambda: check(block(volume=1e-9)), mpm.VolumeMismatch, "spacing of 1 mm, but they are 5 mm apart"),
     "in a ball": (lambda: check(block(), ball(high(0.1))), mpm.GrainsInSolid,
                   r"of 1000 grains of body 0 lie inside collider 0, up to 1\d mm deep: they are pushed out"),

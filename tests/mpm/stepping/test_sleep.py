@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from field_parts import UPRIGHT, block, same, sand
+from field_parts import UPRIGHT, same, sand
 
 import mpm
 from mpm.state.sleepers import FORCE, MASS
@@ -121,20 +121,6 @@ def test_a_collider_wakes_what_is_near_and_leaves_alone_what_is_far(sleeping: mp
     assert not awake.all() and np.array_equal(before[~awake], sleeping.positions()[~awake])
 
 
-def test_a_ball_meets_the_bed_as_if_it_were_awake(sleeping: mpm.Solver) -> None:
-    """Force on a ball that dips into the bed: the sleepers that stop it are awake before it touches them."""
-    state, forces = sleeping.state(), []
-    awake = make([mpm.Collider(BALL, pose=mpm.Pose(HIGH, UPRIGHT), friction=0.3)], sleep=False)
-    awake.load(state)
-    for solver in (awake, sleeping):
-        rows = []
-        for _ in range(25):
-            lower(solver, 0.002, duration=0.01)
-            rows.append(solver.collider_impulse(0).force[2])
-        forces.append(np.array(rows))
-    assert forces[0].max() > 0.0 and np.abs(forces[1] - forces[0]).max() < 0.025 * forces[0].max()
-
-
 def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm.Solver) -> None:
     for _ in range(10):
         lower(sleeping, 0.003)
@@ -224,18 +210,6 @@ def test_beds_rest_on_upper_walls_as_on_lower_ones(cells: int) -> None:
         assert 0 < solver.awake.mean() < 0.95, "asleep in part: the ball keeps those near it awake"
         fallen.append(np.sign(-pull) * (solver.positions()[:, 2] - positions[:, 2]))
     assert fallen[0].mean() == pytest.approx(fallen[1].mean(), abs=2e-6) and abs(fallen[0]).max() < 0.002
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("speed", "sleep"), [(1e-3, 1.0), (1e-4, 0.1)])
-def test_a_block_that_slides_slowly_is_not_frozen(speed: float, sleep: float) -> None:
-    """On a floor without friction it keeps its speed of 1 mm/s; of a tenth of that with a tenth of the thresholds."""
-    body = block(mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0), (0.03, 0.02, 0.0), (0.07, 0.06, 0.02), CELL / 2,
-                 (speed, 0.0, 0.0))
-    solver = make(bodies=[body], walls=mpm.Walls.all("slip"), sleep=sleep)
-    start = solver.positions()[:, 0].mean()
-    solver.advance(1.0)
-    assert solver.awake.all() and solver.positions()[:, 0].mean() - start == pytest.approx(speed, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -18,16 +18,6 @@ def slow_block(precision: str = "f32", low: float = 0.9, **options) -> tuple[mpm
                       precision=precision, **options), body.positions
 
 
-@pytest.mark.parametrize("interval", [0.0, 5 * DT])
-def test_grains_far_from_the_origin_move(interval: float) -> None:
-    """5000 substeps move them by v t, in single substeps and in strides."""
-    solver, begin = slow_block(transfer_interval=interval)
-    solver.advance(5000 * DT)
-    moved = (solver.positions() - begin).mean(0)
-    assert moved == pytest.approx(np.full(3, SPEED * 5000 * DT), rel=0.03)
-    assert np.abs(solver.state()["remainder"]).max() < max(solver.fields.quantum)
-
-
 def test_grains_beside_a_shell_move() -> None:
     """They are moved one by one. The shell has no friction, and is further away than it pushes."""
     sheet = mpm.Shell.from_mesh(plate(0.1), 1e-3)

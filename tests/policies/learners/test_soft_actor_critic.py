@@ -9,7 +9,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.torch_layers import FlattenExtractor
 
 from policies.learners.buffers import DemoReplayBuffer
-from policies.learners.critics import CriticEnsemble, EnsembleLayer, EnsembleNorm, EnsemblePolicy
+from policies.learners.critics import CriticEnsemble, EnsemblePolicy
 from policies.learners.soft_actor_critic import BestEpisode, EnsembleSAC, step
 
 OBSERVED, ACTED, BATCH, STEPS = 7, 3, 16, 7
@@ -78,6 +78,7 @@ def test_the_ensemble_is_its_formula():
             x = functional.relu(x * norm.scale[m] + norm.shift[m]) @ layer.weight[:, m] + layer.bias[m]
         expected.append(x[:, 0])
     found, weight = critic(seen, acted), torch.randn(3, BATCH)
+    torch.testing.assert_close(critic(seen, acted, torch.tensor([2, 0])), found[[2, 0]])
     for one, two in zip([found, *torch.autograd.grad((found * weight).sum(), inputs)], [
             torch.stack(expected), *torch.autograd.grad((torch.stack(expected) * weight).sum(), inputs)]):
         torch.testing.assert_close(one, two, rtol=1e-3, atol=1e-4)
@@ -103,40 +104,6 @@ def test_updates_are_those_of_the_library():
             assert torch.allclose(one, two, atol=2e-5)
     assert float(ours.log_ent_coef.detach()) == pytest.approx(float(theirs.log_ent_coef.detach()), abs=1e-5)
     assert any((old - new).abs().max() > 1e-2 for old, new in zip(before, ours.policy.parameters()))
-
-
-@pytest.mark.parametrize("options", [{}, {"layer_norm": True}, {"embed_actions": True},
-                                     {"layer_norm": True, "embed_actions": True}])
-def test_members_do_not_depend_on_each_other(options):
-    """A critic's value is the same alone and among others, and its gradient touches its own weights only."""
-    critic = make_model(n_critics=4, **options).critic
-    observations, actions = torch.randn(5, OBSERVED), torch.rand(5, ACTED) * 2 - 1
-    values = critic(observations, actions)
-    assert values.shape == (4, 5)
-    chosen = torch.tensor([2, 0])
-    assert torch.allclose(critic(observations, actions, chosen), values[chosen], atol=1e-6)
-    values[1].sum().backward()
-    for module in critic.modules():
-        if isinstance(module, EnsembleLayer):
-            sizes = module.weight.grad.abs().amax((0, 2))
-            assert sizes[1] > 0 and sizes[[0, 2, 3]].max() == 0
-        elif isinstance(module, EnsembleNorm):
-            assert module.shift.grad[[0, 2, 3]].abs().max() == 0
-    moved = {id(p) for group in critic.optimizer.param_groups for p in group["params"]}
-    assert moved == {id(p) for p in critic.parameters()}
-
-
-def test_normalised_values_ignore_the_scale_of_the_layer_before():
-    """Layer normalisation does what it is for; without it values grow with the weights."""
-    observations, actions = torch.randn(5, OBSERVED), torch.rand(5, ACTED)
-    for layer_norm in (True, False):
-        critic = make_model(layer_norm=layer_norm).critic
-        before = critic(observations, actions).detach()
-        with torch.no_grad():
-            for parameter in (critic.of_features.weight, critic.of_features.bias, critic.of_action.weight):
-                parameter.mul_(1000.0)
-        change = (critic(observations, actions) - before).abs().max() / before.abs().max()
-        assert (change < 1e-3) == layer_norm
 
 
 def test_an_update_of_the_actor_leaves_the_critics_gradients_alone():

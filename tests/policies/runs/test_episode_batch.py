@@ -2,14 +2,12 @@
 
 import csv
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from exact_sums import compare_exactly
 
 import mpm
 from policies.learning.environments import make_environment
@@ -36,19 +34,10 @@ def make_training(out, preset: Preset, n: int = 2, **options) -> Training:
                                     **options))
 
 
-IEEE = """import sys, mpm
-mpm.init(fast_math=False)
-import test_episode_batch
-test_episode_batch.compared(sys.argv[1], sys.argv[2])
-"""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("starts", ["nominal", "random"])
 def test_each_episode_is_that_of_one_environment(tmp_path, starts):
-    """Where sums may not be reordered: the kernels of a batch and of a solver are compiled apart."""
-    subprocess.run([sys.executable, "-c", IEEE, str(tmp_path), starts], check=True,
-                   env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+    compare_exactly("test_episode_batch", str(tmp_path), starts)
 
 
 def compared(folder, starts):

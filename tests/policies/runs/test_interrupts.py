@@ -75,7 +75,7 @@ def test_training_that_has_no_checkpoint_says_so(tmp_path, point: str, monkeypat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(stand_ins.PointEnv, "step", step)
-    monkeypatch.setattr("policies.results.run_page.write_run_page", lambda out: int("a page"))
+    monkeypatch.setattr("policies.results.pages.write_run_page", lambda out: int("a page"))
     assert main(["train", "ppo", point, "--episodes", "8", "--out", str(tmp_path)]) == 130
     said = capsys.readouterr().err
     assert "0 episodes finished; there is no checkpoint yet: the same command begins again" in said
@@ -137,7 +137,7 @@ def test_a_demonstration_on_a_full_disk_keeps_its_last_iteration(tmp_path: Path,
 
 
 @pytest.mark.parametrize(("command", "writer"), [
-    ("train", "policies.results.run_page.write_text"), ("demo", "policies.results.demonstration_page.write_text"),
+    ("train", "policies.results.pages.write_text"), ("demo", "policies.results.pages.write_text"),
     ("train", "robosim.base.output_folder.FileLock"), ("demo", "robosim.base.output_folder.FileLock")])
 def test_a_full_disk_is_a_failure_with_status_1(tmp_path: Path, valley: Path, point: str, command: str, writer: str,
                                                 monkeypatch: pytest.MonkeyPatch) -> None:

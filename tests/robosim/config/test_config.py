@@ -147,27 +147,3 @@ def test_a_folder_of_other_files_is_left_alone(tmp_path: Path, capsys: pytest.Ca
         assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
     write_status(tmp_path, "failed")
     OutputFolder(tmp_path).release()
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
-    folder = OutputFolder(tmp_path)
-    folder.write_json("report.json", {"a": 1})
-
-    def full(path: Path) -> None:
-        path.write_text("half")
-        raise OSError(28, "No space left on device")
-
-    with pytest.raises(OSError, match="No space"):
-        folder.write("report.json", full)
-    assert (tmp_path / "report.json").read_text() == '{\n  "a": 1\n}\n'
-    assert sorted(p.name for p in tmp_path.iterdir()) == [".lock", "report.json"]
-
-
-def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFixture,
-                                       monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(path: Path, writer: object) -> None:
-        raise OSError(28, "No space left on device", str(path))
-
-    monkeypatch.setattr("robosim.base.output_folder.write", full)
-    assert main(["rehearse", "spoon", "--out", str(tmp_path / "out")]) == 1
-    assert "No space left on device" in capsys.readouterr().err

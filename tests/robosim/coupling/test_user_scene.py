@@ -13,7 +13,7 @@ from robosim import ConfigError, GranularPlugin, UnknownName
 from robosim.base.errors import BodyLeftGrid, RobotDiverged
 from robosim.coupling.mobility_probe import MobilityProbe
 from robosim.coupling.trial_step import TrialStep
-from robosim.scene.frames import body_pose
+from robosim.robot.mjspec import body_pose
 
 BOXES = """
 <mujoco>

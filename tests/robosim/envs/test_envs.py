@@ -94,9 +94,12 @@ def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, r
 
 @pytest.mark.parametrize("arm", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [*MOST, pytest.param("DoseSpoon", marks=pytest.mark.slow)])
-def test_gymnasium_has_no_complaint(name: str, arm: bool) -> None:
+def test_gymnasium_and_stable_baselines_have_no_complaint(name: str, arm: bool) -> None:
     """A warning is an error in all tests; lists of terms are checked in tests/robosim/senses."""
-    check_env(make(name, obs=None if name in DOSING else "moments", arm=arm), skip_render_check=True)
+    env = make(name, obs=None if name in DOSING else "moments", arm=arm)
+    check_env(env, skip_render_check=True)
+    if name not in DOSING:
+        pytest.importorskip("stable_baselines3.common.env_checker").check_env(env, skip_render_check=True)
 
 
 def test_same_seed_same_bits_and_seeds_differ(pour: GrainEnv) -> None:

@@ -2,14 +2,13 @@
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from exact_sums import compare_exactly
 from grain_envs import make_vector, same
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
@@ -38,28 +37,20 @@ def of(infos: dict[str, Any], e: int) -> dict[str, Any]:
             if not key.startswith("_") and infos.get(f"_{key}", np.ones(9))[e]}
 
 
-IEEE = """import json, sys, mpm
-mpm.init(fast_math=False)
-import grain_envs, test_vector
-name, options = sys.argv[1], json.loads(sys.argv[2])
-test_vector.compared(grain_envs.make_vector(name, action_repeat=150, **options), name, **options)
-"""
-
-
 @pytest.mark.parametrize(("name", "options"), [
     ("SpoonTranslate", {"obs": "moments", "randomize": {"friction_angle_deg": (20.0, 40.0)}}),
     *(pytest.param(name, options, marks=pytest.mark.slow) for name, options in (
         ("SpoonScoop", {"obs": "dict"}), ("DoseSpoon", {}))),
 ])
 def test_each_environment_has_the_same_bits_as_alone(name: str, options: dict[str, Any]) -> None:
-    """The kernels of a batch and of a solver are compiled apart. Where sums may be reordered, a branch that few grains
-    take (a scooping one does) may round otherwise in one than in the other."""
-    subprocess.run([sys.executable, "-c", IEEE, name, json.dumps(options)], check=True,
-                   env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+    """Where sums may be reordered, a branch that few grains take (a scooping one does) may round otherwise in one."""
+    compare_exactly("test_vector", name, json.dumps(options))
 
 
-def compared(vector: gymnasium.vector.VectorEnv, name: str, **options: Any) -> None:
+def compared(name: str, written: str) -> None:
     """Observations, rewards and infos of three episodes side by side, over an end and into the next start."""
+    options = json.loads(written)
+    vector = make_vector(name, action_repeat=150, **options)
     alone = gymnasium.make(f"robosim/{name}-v0", disable_env_checker=True, action_repeat=150, **options)
     assert alone.spec is not None and alone.spec.max_episode_steps == vector.spec.max_episode_steps  # pyright: ignore[reportOptionalMemberAccess]
     seen, infos = vector.reset(seed=[5, 6, 7])
@@ -106,47 +97,6 @@ def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> No
     assert np.isfinite(carried.step(first)[0]).all()
 
 
-class Driver:
-    """Steps a vector environment, and sorts its rows into what happened to each environment, in any mode.
-
-    An event is the start of an episode (observation, info) or a step (observation, reward, terminated, truncated,
-    info). Environment e takes the actions of its own list, in order; actions that a mode ignores are zero."""
-
-    def __init__(self, vector: gymnasium.vector.VectorEnv, given: np.ndarray) -> None:
-        self.vector, self.given, self.mode = vector, given, vector.metadata["autoreset_mode"]
-        self.events: list[list[tuple]] = [[] for _ in range(vector.num_envs)]
-        self.taken, self.over = np.zeros(vector.num_envs, int), np.zeros(vector.num_envs, bool)
-
-    def reset(self, seed: int | None = None, mask: np.ndarray | None = None) -> None:
-        seen, infos = self.vector.reset(seed=seed, options=None if mask is None else {"reset_mask": mask})
-        for e in np.flatnonzero(np.ones(len(self.over), bool) if mask is None else mask):
-            self.events[e].append((seen[e].copy(), of(infos, e)))
-            self.over[e] = False
-
-    def step(self) -> None:
-        if self.mode is AutoresetMode.DISABLED and self.over.any():
-            self.reset(mask=self.over.copy())
-        waits = self.over.copy()
-        acts = np.array([self.given[k, e] for e, k in enumerate(self.taken)])
-        acts[waits] = 0.0
-        self.taken += ~waits
-        seen, rewards, ended, cut, infos = self.vector.step(acts)
-        for e in range(len(waits)):
-            info = of(infos, e)
-            if waits[e]:
-                assert (rewards[e], ended[e], cut[e]) == (0.0, False, False)
-                self.events[e].append((seen[e].copy(), info))
-                continue
-            over = bool(ended[e] or cut[e])
-            if self.mode is AutoresetMode.SAME_STEP and over:
-                last, final = info.pop("final_obs"), info.pop("final_info")
-                self.events[e] += [(last, rewards[e], ended[e], cut[e], final), (seen[e].copy(), info)]
-            else:
-                assert "final_obs" not in info
-                self.events[e].append((seen[e].copy(), rewards[e], ended[e], cut[e], info))
-        self.over = (ended | cut) & (self.mode is not AutoresetMode.SAME_STEP)
-
-
 def each_mode(carried: gymnasium.vector.VectorEnv) -> Iterator[tuple[AutoresetMode, gymnasium.vector.VectorEnv]]:
     """A vector environment for each mode, one after the other: the first is that of SAME_STEP."""
     yield AutoresetMode.SAME_STEP, carried
@@ -158,27 +108,31 @@ def each_mode(carried: gymnasium.vector.VectorEnv) -> Iterator[tuple[AutoresetMo
 
 @pytest.mark.slow
 def test_all_modes_give_the_same_episodes(carried: gymnasium.vector.VectorEnv) -> None:
-    """To the bit: starts, steps, last observations and infos of each environment, in whatever step they come.
-
-    A reset of one environment after two steps makes it end later than the others."""
-    given = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3, 3)).astype(np.float32)
-    events = {}
+    """To the bit. One is reset after two steps, so that it ends later than the others, which begin anew meanwhile."""
+    given = np.random.default_rng(1).uniform(-0.3, 0.3, (9, 3, 3)).astype(np.float32)
+    late, episodes = np.array([False, True, False]), []
     for mode, vector in each_mode(carried):
         assert vector.metadata["autoreset_mode"] is mode
-        driver = Driver(vector, given)
-        driver.reset(seed=5)
-        driver.step()
-        driver.step()
-        driver.reset(seed=9, mask=np.array([False, True, False]))
-        for _ in range(12):
-            driver.step()
-        events[mode] = driver.events
-    for e in range(3):
-        rows = [of_mode[e] for of_mode in events.values()]
-        n = min(map(len, rows))
-        assert n >= 13 and sum(len(row) == 2 for row in rows[0][:n]) >= 2
-        for other in rows[1:]:
-            assert all(same(a, b) for a, b in zip(rows[0][:n], other[:n], strict=True))
+        rows = [vector.reset(seed=5)[0].copy()]
+
+        def step(action: np.ndarray, vector: Any = vector, rows: list = rows) -> np.ndarray:
+            """Step; keep what belongs to episodes that go on, and how others end."""
+            seen, rewards, ended, cut, _ = vector.step(action)
+            rows += [seen[~ended].copy(), rewards.copy(), ended.copy(), cut.copy()]
+            return ended
+
+        for action in given[:2]:
+            step(action)
+        rows.append(vector.reset(seed=9, options={"reset_mask": late})[0].copy())
+        assert [step(action).sum() for action in given[2:7]] == [0, 0, 0, 0, 2]
+        if mode is AutoresetMode.DISABLED:
+            vector.reset(options={"reset_mask": ~late})
+        for action in given[7:]:
+            seen, rewards, ended, *_ = vector.step(action)
+            rows += [rewards[1], ended[1]] if ended[1] else [seen[1].copy(), rewards[1]]
+        assert ended[1]
+        episodes.append(rows)
+    assert same(episodes[0], episodes[1]) and same(episodes[0], episodes[2])
 
 
 def test_an_environment_that_ended_waits_for_its_reset() -> None:
@@ -206,12 +160,8 @@ def test_wrappers_of_gymnasium_work(carried: gymnasium.vector.VectorEnv) -> None
     given = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3, 3)).astype(np.float32)
     for mode, vector in each_mode(carried):
         recorded = wrappers.RecordEpisodeStatistics(vector)
-        driver = Driver(recorded, given)
-        driver.reset(seed=5)
-        total = np.zeros(3)
-        for _ in range(7):
-            driver.step()
-            total += [next(row[1] for row in reversed(rows) if len(row) == 5) for rows in driver.events]
+        recorded.reset(seed=5)
+        total = np.sum([recorded.step(action)[1] for action in given[:7]], axis=0)
         assert recorded.episode_count == 3 and list(recorded.length_queue) == [7, 7, 7], mode
         assert np.array(recorded.return_queue) == pytest.approx(total)
     inner = make_vector("SpoonTranslate", action_repeat=150, autoreset_mode="NextStep")

@@ -151,20 +151,6 @@ def test_arms_of_a_vector_are_called_by_name(workers: int | None) -> None:
     vector.close()
 
 
-def test_a_state_moves_from_arm_to_arm() -> None:
-    """It changes the arm that takes it, and neither the one that it is of nor itself."""
-    vector = make_short(True, 2)
-    vector.reset(seed=1)
-    first, second = vector.state(0), vector.state(1)
-    given = copy.deepcopy(first)
-    assert not same(first, second)
-    vector.load(1, given)
-    assert same((vector.state(0), vector.state(1), given), (first, first, first))
-    vector.load(1, second)
-    assert same((vector.state(0), vector.state(1)), (first, second))
-    vector.close()
-
-
 @pytest.mark.slow
 def test_pictures_of_a_vector_show_the_state_of_each() -> None:
     """From processes of their own; a loaded state is drawn as it was, and the options of pictures may differ."""

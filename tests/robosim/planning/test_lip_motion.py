@@ -5,7 +5,7 @@ import pytest
 
 from mpm import Pose
 from robosim.dosing.command import DoseCommand
-from robosim.dosing.vibration import Vibration
+from robosim.dosing.motion import Vibration
 from robosim.planning.lip_motion import LipMotion
 
 DT = 1e-3

@@ -9,8 +9,8 @@ from robosim.config.rehearsal import APPROACH, RETREAT, load_rehearsal
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import plan_motion
 from robosim.rehearsal.run import make_cell
+from robosim.robot.mjspec import body_pose
 from robosim.scene.build import compile_rehearsal
-from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, put_tool
 
 CONFIG = load_rehearsal("pick_bottle")

@@ -128,15 +128,3 @@ def test_a_film_that_fails_costs_no_report(short: Path, tmp_path: Path, capsys: 
     assert "no film" in capsys.readouterr().err
     assert json.loads((out / "report.json").read_text())["grains"] > 0
     assert (out / "trajectory.csv").is_file() and (out / "index.html").is_file()
-
-
-@pytest.mark.slow
-def test_an_interrupted_film_costs_no_result(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("robosim.rehearsal.session.try_film", interrupt)
-    assert main(["rehearse", str(short), "--out", str(tmp_path / "out")]) == 130
-    assert json.loads((tmp_path / "out" / "status.json").read_text())["state"] == "interrupted"
-    assert {"report.json", "index.html", "trajectory.csv", "recording.rec"} <= {p.name for p in
-                                                                               (tmp_path / "out").iterdir()}

@@ -62,17 +62,12 @@ def test_the_path_rests_exactly_at_stops_and_is_smooth(spoon: Plan) -> None:
     assert jump.max() < 0.15 * config.path.acceleration
 
 
-def test_smoothed_motion_is_within_limits_and_near_the_path(spoon: Plan) -> None:
-    config, motion = spoon.config, spoon.motion
+def test_smoothed_motion_is_near_the_path(spoon: Plan) -> None:
+    """Within its limits it is by the verification case `jerk_limits`."""
+    motion = spoon.motion
     times = np.arange(0.0, motion.duration, 1e-3)
     states = [motion.state(t) for t in times]
-    qd, qdd = np.array([s.qd for s in states]), np.array([s.qdd for s in states])
-    jerk = np.diff(qdd, axis=0) / 1e-3
-    limits = spoon.arm.limits(config.limits)
-    assert (np.abs(qd) <= limits.velocity).all() and (limits.velocity < spoon.arm.velocity).all()
-    assert (np.abs(qdd) <= limits.acceleration + 1e-9).all()
-    assert (np.abs(jerk) <= limits.jerk + 1e-6).all()
-    q = np.array([s.q for s in states])
+    q, qd = np.array([s.q for s in states]), np.array([s.qd for s in states])
     assert np.abs(np.diff(q, axis=0) / 1e-3 - 0.5 * (qd[1:] + qd[:-1])).max() < 1e-4
     assert motion.delay < 0.05
     worst = max(np.linalg.norm(spoon.arm.tool_pose(s.q).position - spoon.path.pose(t).position)

@@ -7,14 +7,14 @@ from bundled import rehearsal
 
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.dosing.vibration import Vibration
+from robosim.dosing.motion import Vibration
 from robosim.rehearsal.run import make_cell
 from robosim.robot.joint_control import TorqueSensors
+from robosim.robot.mjspec import body_pose
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointState
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 from robosim.scene.compiled import Scene
-from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp
 from robosim.shapes import tool_shape
 

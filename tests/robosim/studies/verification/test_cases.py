@@ -13,7 +13,8 @@ from robosim.studies.verification.cases.expectations import Power, Ratio, Within
 FAST = {"free_fall": 1, "slow_translation": 1, "spin": 2, "elastic_energy": 1, "uniaxial": 1, "return_mapping": 2,
         "element_path": 1, "heap": 2, "hydrostatic": 1, "column_weight": 2, "chute_flow": 1, "collapse_profile": 1,
         "lock_gate": 1, "shell_leak": 1, "closed_system": 1, "rest_height": 1, "sliding_block": 1, "retaining_wall": 2,
-        "dropped_sphere": 2, "two_models": 1, "jerk_limits": 1}
+        "dropped_sphere": 2, "carried_load": 1, "two_models": 1,
+        "jerk_limits": 1}
 """Case -> how many runs of its quick list belong to the default suite, which compiles for each; all others are slow."""
 ALSO: dict[str, tuple[Expectation, ...]] = {
     "dam_break": (Ratio("front_at_5", "cells", (10, 20), 0.98, 1.02),),

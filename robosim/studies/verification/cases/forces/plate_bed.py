@@ -46,10 +46,10 @@ class Pushed(NamedTuple):
 
 
 def make_sand(friction_deg: float = FRICTION_DEG, stiffness: float = E, law: str = "drucker_prager",
-              cohesion: float = 0.0, relative_density: float = 0.7) -> mpm.DruckerPrager | DenseSand:
+              cohesion: float = 0.0) -> mpm.DruckerPrager | DenseSand:
     """Make sand that carries tan(friction_deg) in simple shear, dense sand once it has dilated.
-    stiffness: Young's modulus [Pa]; law: one of LAWS; cohesion [Pa]: of drucker_prager alone; relative_density: of
-    dense sand alone. Raises UnknownName for another law, InvalidValue for dense sand with cohesion."""
+    stiffness: Young's modulus [Pa]; law: one of LAWS; cohesion [Pa]: of drucker_prager alone. Raises UnknownName for
+    another law, InvalidValue for dense sand with cohesion."""
     ratio = math.tan(math.radians(friction_deg))
     if law not in LAWS:
         raise UnknownName("law", law, LAWS)
@@ -57,8 +57,7 @@ def make_sand(friction_deg: float = FRICTION_DEG, stiffness: float = E, law: str
         if cohesion > 0:
             raise mpm.InvalidValue(f"make_sand: cohesion = {cohesion:g} Pa of law 'dense'; accepted: 0, or the law "
                                    f"'drucker_prager'")
-        return dense_sand(relative_density, E=stiffness, nu=NU, density=DENSITY,
-                          critical_angle_deg=critical_angle(ratio))
+        return dense_sand(0.7, E=stiffness, nu=NU, density=DENSITY, critical_angle_deg=critical_angle(ratio))
     return mpm.DruckerPrager(E=stiffness, nu=NU, density=DENSITY, cohesion=cohesion, cone="plane_strain",
                              friction_angle_deg=math.degrees(math.asin(ratio)))
 

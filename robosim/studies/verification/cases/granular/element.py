@@ -12,18 +12,12 @@ from robosim.studies.verification.cases.expectations import Within, each_within
 E, NU, DENSITY, CELL, DT, RANDOM, SMALL = 3.537e5, 0.3, 1500.0, 0.1, 1e-5, 4000, 0.15
 PRESSURE, STEP, STEPS = 1000.0, 2e-3, {"shear": 60, "passive": 300}
 """Pressure [Pa], strain per step, and number of steps of each path."""
-
-
-def rotation_matrix(axis: tuple[float, ...], angle: float) -> np.ndarray:
-    """Return the rotation matrix (3, 3) of an angle [rad] about an axis."""
-    return Rotation.from_rotvec(np.array(axis) / np.linalg.norm(axis) * angle).as_matrix()
-
-
+FIRST, SECOND = (Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_matrix()
+                 for axis, angle in (((1, 2, 3), 0.7), ((0, 1, 1), -1.1)))
 VECTORS = (
     (30, [[0.99, 0.08, 0], [0, 0.985, 0.01], [0.005, 0, 1]],
      (0.9716549254930555, 0.9950670406256893, 1.0085764158389063)),
-    (30, rotation_matrix((1, 2, 3), 0.7) @ np.diag([1.06, 0.97, 0.93]) @ rotation_matrix((0, 1, 1), -1.1).T,
-     (0.9570316055093315, 0.9775200327763318, 1.0221358041351838)),
+    (30, FIRST @ np.diag([1.06, 0.97, 0.93]) @ SECOND.T, (0.9570316055093315, 0.9775200327763318, 1.0221358041351838)),
     (20, np.diag([1, 1, 0.9]), (0.91040192147800686, 0.99427076968015037, 0.99427076968015037)),
     (45, [[1, 0.2, 0], [0, 0.97, 0], [0, 0, 1]], (0.9540732863994636, 0.9933484499414169, 1.0235012557943168)),
     (30, 0.9 * np.eye(3), (0.9, 0.9, 0.9)),

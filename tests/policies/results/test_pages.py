@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.results.demonstration_page import write_demonstration_page
-from policies.results.run_page import write_run_page
+from policies.results.pages import write_demonstration_page, write_run_page
 
 
 def write_run(folder: Path, state: str, **status: object) -> None:
