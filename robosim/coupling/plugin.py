@@ -117,6 +117,8 @@ class GranularPlugin:
 
         Raises RobotDiverged where MuJoCo's state is bad or a body is too fast, and the solver's errors. Warns with
         BodyLeftGrid."""
+        if self.data.time != self._last_time:  # reset, at a keyframe, or stepped without grains
+            self.restart()
         self._trial.begin()
         momentum = self.solver.momentum_after_advance()
         self._move_driven_bodies()
@@ -127,6 +129,7 @@ class GranularPlugin:
             self._trial.finish()
         else:
             self._step_together()
+        self._last_time = float(self.data.time)
         write_sums(self.solver, momentum, self.sums)
         self._check_grid()
         self._check_state()
@@ -144,7 +147,8 @@ class GranularPlugin:
             self._scheme.roll_back()
 
     def restart(self) -> None:
-        """Forget the last step; call it after `mj_resetData` or `Solver.load`."""
+        """Forget the last step; call it after `Solver.load`, and after `mj_resetData` to the time of the last step.
+        Where MuJoCo's time is another than after the last step, the next one does so by itself."""
         self._has_jumped, self._wrenches[:], self._scheme.error[:] = True, 0.0, 0.0
         self._reach.restart()
         self._warned[list(BAD_STATES)] = 0
@@ -190,12 +194,11 @@ class GranularPlugin:
 
     def _move_driven_bodies(self) -> None:
         """Hand the motion of mocap bodies since the last step to the solver; after a jump they stand still."""
-        has_jumped = self._has_jumped or self.data.time < self._last_time
         for name in self._bodies.driven:
             collider, end = self._bodies.colliders[name], self._bodies.pose(name)
-            begin = end if has_jumped else self.solver.collider_pose(collider)
-            self.solver.set_collider_motion(collider, begin, end, jump=has_jumped)
-        self._has_jumped, self._last_time = False, float(self.data.time)
+            begin = end if self._has_jumped else self.solver.collider_pose(collider)
+            self.solver.set_collider_motion(collider, begin, end, jump=self._has_jumped)
+        self._has_jumped = False
 
     def _advance_grains(self) -> None:
         try:
