@@ -2,12 +2,10 @@
 
 import argparse
 import errno
-import os
 import signal
 import sys
 import threading
 import time
-import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -144,12 +142,6 @@ def run_command(arguments: list[str] | None) -> int:
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         is_run = isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged, OSError))
         return 1 if is_run or is_disk_full(error) else 2
-    except (AttributeError, ImportError, RuntimeError) as error:
-        if not any(frame.filename.endswith("gl_context.py") for frame in traceback.extract_tb(error.__traceback__)):
-            raise  # else MuJoCo's import of what draws has failed
-        print(f"robosim {options.command}: MUJOCO_GL={os.environ['MUJOCO_GL']}: cannot be loaded ({error}); accepted: "
-              f"disable, or egl, osmesa or glfw where that is installed", file=sys.stderr)
-        return 2
     except KeyboardInterrupt as error:
         after = getattr(options, "after_interrupt", "")
         print(f"robosim {options.command}: {describe_end(error)}{'; ' if after else ''}{after}", file=sys.stderr)

@@ -69,6 +69,10 @@ def test_what_cannot_draw_is_named_in_a_line() -> None:
     words = [sys.executable, "-m", "robosim", "explain", "spoon"]
     done = subprocess.run(words, env={**os.environ, "MUJOCO_GL": "none"}, capture_output=True, text=True)
     assert done.returncode == 2 and re.fullmatch("robosim explain: MUJOCO_GL=none: cannot be loaded .*\n", done.stderr)
+    words = [sys.executable, "-c", "import robosim; robosim.Rehearsal"]
+    done = subprocess.run(words, env={**os.environ, "MUJOCO_GL": "none"}, capture_output=True, text=True)
+    assert re.fullmatch(r".*ConfigError: MUJOCO_GL=none: cannot be loaded .*; accepted: disable, .*",
+                        done.stderr.splitlines()[-1]) and "During handling" not in done.stderr
 
 
 def test_help_loads_nothing_heavy() -> None:
