@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from mpm.errors import ColliderJumped, ColliderTooFast, InvalidValue
-from mpm.geometry.rigid_motion import Pose, Twist, check_pose, logarithm, motion_table, screw
+from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, check_pose, logarithm, motion_table, screw
 from mpm.materials.stable_step import TRAVEL_FRACTION, travel_bound
 from mpm.motion.mobility_table import MobilityTable
 from mpm.scene.features import Features
@@ -17,6 +17,8 @@ from mpm.scene.validation import read_array
 
 SHORTEST = 1000
 """How often a dt may be divided for a fast collider; one that needs more is a mistake, or diverges."""
+MOST_NUMBERS = 2**28
+"""Of a motion table: 1 or 2 GB."""
 REST = Twist(np.zeros(3), np.zeros(3))
 Leg = tuple[Pose, Twist]  # pose at the begin, and the body twist that carries it to the end in unit time
 
@@ -76,17 +78,21 @@ class ColliderPaths:
         """Return the number of equal substeps of the next advance, and the motion table of all of them.
         Every leg and every reading gets as many substeps; each is at most dt [s], and short enough that no collider's
         surface outruns its contact. The paths count as travelled. Raises ColliderTooFast where a substep would have to
-        be `SHORTEST` times shorter than dt."""
+        be `SHORTEST` times shorter than dt, InvalidValue where the table would have more than `MOST_NUMBERS`."""
         paths = []
         for index in self._features.moving_colliders:
             path = self.pending.get(index)
             paths.append([(self.poses[index], REST)] if path is None else
                          [(begin, logarithm(begin, end)) for begin, end in pairwise(path)])
         longest = min(dt, self._longest(paths, duration, dt))
+        parts = math.lcm(readings, *(len(legs) for legs in paths))
+        substeps, most = parts * max(1.0, duration / parts / longest), MOST_NUMBERS // COLUMNS // max(1, len(paths))
+        if substeps > most:
+            raise InvalidValue(f"advance: duration = {duration:.6g} s takes {substeps:.4g} substeps of {longest:.4g} "
+                               f"s; accepted: up to {most} in one call, which last {most * longest:.4g} s")
         for index, path in self.pending.items():
             self.poses[index] = path[-1]
         self.pending.clear()
-        parts = math.lcm(readings, *(len(legs) for legs in paths))
         total = parts * max(1, math.ceil(duration / parts / longest - 1e-9))
         screws = [[screw(*leg, duration / len(legs), total // len(legs)) for leg in legs] for legs in paths]
         return total, motion_table(screws, total, dtype)

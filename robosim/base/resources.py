@@ -51,7 +51,7 @@ def part_path(kind: str, name: str, what: str, *others: str) -> Path:
 
 def own_file(name: str, what: str, accepted: list[str]) -> Path | None:
     """Return the path of a user's own file when `name` ends in .yaml, else None; raises ConfigError, UnknownName."""
-    if name.endswith((".yaml", ".yml")):
+    if isinstance(name, str) and name.endswith((".yaml", ".yml")):
         with contextlib.suppress(OSError):  # a name that is too long
             if Path(name).is_file():
                 return Path(name)

@@ -2,12 +2,12 @@
 
 import argparse
 import errno
-import os
+import io
+import re
 import signal
 import sys
 import threading
 import time
-import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +16,7 @@ from importlib.metadata import entry_points, version
 from typing import Any
 
 import mpm
+from mpm.files import quote
 from robosim.base.errors import RobosimError, RobosimWarning, RobotDiverged
 from robosim.base.files import describe_end
 from robosim.base.jobs import SIGNALS
@@ -33,6 +34,8 @@ GROUP = "robosim.commands"
 REPEAT = 1.0
 """Time [s] after which an interrupt that was discarded is raised again. Signals within it are one interrupt: a process
 may get SIGTERM with its group and from its parent, and the second would cut off what the first has written."""
+LONG = re.compile(r"(\S{100})\S{100,}(\S{100})")
+"""A path that is shortened in a message, like the values of others."""
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --out out/sugar
   robosim evaluate SpoonPour --policy scripted
@@ -62,6 +65,9 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 when all is well, 1 for a run that failed, 2 for wrong input, 128 + n for signal n.
     Ctrl-C, SIGTERM and SIGHUP end a command alike: it raises KeyboardInterrupt, whose argument is the signal's name."""
+    for stream in (sys.stdout, sys.stderr):  # a name of a model may be none of the terminal's characters
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     with interrupts() as received:
         try:
             return run_command(arguments)
@@ -126,7 +132,12 @@ def is_disk_full(error: BaseException | None) -> bool:
 def run_command(arguments: list[str] | None) -> int:
     """Run a command; an error becomes a line on stderr and an exit status, a KeyboardInterrupt a line alone."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    options, usual = parser().parse_args(arguments), warnings.formatwarning
+    top, usual = parser(), warnings.formatwarning
+    for word in arguments:
+        if re.search("[\ud800-\udfff]", word):  # no file of results can hold them
+            top.error(f"{quote(word)}: not text in the encoding {sys.getfilesystemencoding()} of this terminal; "
+                      f"accepted: text in it, or LC_ALL=C.UTF-8 for all characters")
+    options = top.parse_args(arguments)
 
     def format_note(message: Warning | str, category: type[Warning], *place: Any) -> str:
         """Write our warnings as errors are written, in a line without a place in the code."""
@@ -141,15 +152,11 @@ def run_command(arguments: list[str] | None) -> int:
             config_path("materials", options.material, "material")
         return options.run(options)
     except (RobosimError, mpm.MpmError, OSError) as error:  # after an OSError files under their names are whole
-        print(f"robosim {options.command}: {error}", file=sys.stderr)
+        print(f"robosim {options.command}:", LONG.sub(r"\1...\2", str(error)), file=sys.stderr)
+        if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+            return 2
         is_run = isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged, OSError))
         return 1 if is_run or is_disk_full(error) else 2
-    except (AttributeError, ImportError, RuntimeError) as error:
-        if not any(frame.filename.endswith("gl_context.py") for frame in traceback.extract_tb(error.__traceback__)):
-            raise  # else MuJoCo's import of what draws has failed
-        print(f"robosim {options.command}: MUJOCO_GL={os.environ['MUJOCO_GL']}: cannot be loaded ({error}); accepted: "
-              f"disable, or egl, osmesa or glfw where that is installed", file=sys.stderr)
-        return 2
     except KeyboardInterrupt as error:
         after = getattr(options, "after_interrupt", "")
         print(f"robosim {options.command}: {describe_end(error)}{'; ' if after else ''}{after}", file=sys.stderr)

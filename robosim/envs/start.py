@@ -53,12 +53,17 @@ class StartOptions(NamedTuple):
     """What another episode has drawn, `info["draw"]` of its reset, in place of all else."""
 
 
+def copy_options(options: dict[str, Any] | None) -> dict[str, Any]:
+    """Return a copy of the options of a reset; raises ConfigError for what is no dict."""
+    if not isinstance(options, dict | None):
+        raise ConfigError(f"options of reset: {options!r:.60}; accepted: a dict of {', '.join(StartOptions._fields)}")
+    return dict(options or {})
+
+
 def read_start(options: dict[str, Any] | None) -> StartOptions:
     """Return the options of a reset.
     Raises UnknownName for one that does not exist, ConfigError for a value that cannot be used."""
-    if not isinstance(options, dict | None):
-        raise ConfigError(f"options of reset: {options!r:.60}; accepted: a dict of {', '.join(StartOptions._fields)}")
-    given = dict(options or {})
+    given = copy_options(options)
     unknown = set(given) - set(StartOptions._fields)
     if unknown:
         raise UnknownName("option of reset", sorted(unknown)[0], StartOptions._fields)

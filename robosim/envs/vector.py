@@ -24,6 +24,7 @@ from robosim.base.errors import ConfigError, RobosimError, UnknownName
 from robosim.envs.batch import EnvBatch, GrainBatch
 from robosim.envs.episode import Copied, check_open
 from robosim.envs.member import Info
+from robosim.envs.start import copy_options
 
 
 def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str | None = None,
@@ -95,7 +96,7 @@ class GrainVectorEnv(Copied, gymnasium.vector.VectorEnv):
             else seed
         if len(seeds) != self.num_envs:
             raise ConfigError(f"seed has {len(seeds)} entries; accepted: {self.num_envs}, or one number")
-        options = dict(options or {})
+        options = copy_options(options)
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise ConfigError(f"reset_mask = {mask}; accepted: {self.num_envs} of True or False, some of them True")

@@ -144,7 +144,8 @@ class Recording(AbstractContextManager["Recording"]):
         return np.array([scene.time for scene in scenes]), np.array([scene.values for scene in scenes])
 
     def _damage(self, error: ValueError) -> ConfigError:
-        return ConfigError(f"{self.path}: damaged: {error}; record the run again")
+        return error if isinstance(error, ConfigError) else \
+            ConfigError(f"{self.path}: damaged: {error}; record the run again")
 
     def _content(self, place: Block, most: int) -> bytes:
         """Return a block's content; raises ConfigError above so many bytes, before these are unpacked."""

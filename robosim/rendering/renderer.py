@@ -1,5 +1,8 @@
 """Pictures of a MuJoCo scene with its grains."""
 
+import atexit
+import contextlib
+import weakref
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -63,6 +66,8 @@ class SceneRenderer:
         self._sky = Image.fromarray(np.repeat(sky, width, axis=1))
         self._map = int(np.clip(MAP_SHARE * height, *MAP_SIZES))
         self._gl, self._context = open_context(model, *(max(SMOOTHING * n, self._map) for n in (width, height)))
+        self._free = weakref.finalize(self, free_context, self._gl, self._context)
+        atexit.register(self._free)  # before MuJoCo ends EGL, unlike where another finalizer was made earlier
         self._scene = mujoco.MjvScene(model, MOST_GEOMS)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_SKYBOX):
             self._scene.flags[flag] = False
@@ -159,13 +164,8 @@ class SceneRenderer:
         scene.skinvertnum[0], scene.skinfacenum[0] = used, len(seen)
 
     def close(self) -> None:
-        """Free the OpenGL context; osmesa prints errors at interpreter exit otherwise."""
-        self._context.free()
-        self._gl.free()
-
-    def __del__(self) -> None:
-        if hasattr(self, "_gl"):
-            self.close()
+        """Free the OpenGL context; also called when the last reference is gone, and at the interpreter's exit."""
+        self._free()
 
 
 def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
@@ -194,3 +194,11 @@ def open_context(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, m
     mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
     context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
     return gl, context
+
+
+def free_context(gl: Any, context: mujoco.MjrContext) -> None:
+    """Free what `open_context` has opened."""
+    with contextlib.suppress(Exception):  # current in another thread
+        gl.make_current()  # else its objects' numbers would be freed in the context of another renderer
+    context.free()
+    gl.free()

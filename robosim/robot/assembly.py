@@ -10,7 +10,7 @@ from mpm import Pose
 from robosim.base.errors import ConfigError
 from robosim.config.tool import HEAD
 from robosim.robot.hand import NONE, Hand
-from robosim.robot.mjspec import BARE, compile_spec, find_site_pose, quiet_attachment
+from robosim.robot.mjspec import BARE, assembling, compile_spec, find_site_pose
 from robosim.robot.robot import Robot
 
 HAND_PREFIX = "hand_"
@@ -66,7 +66,7 @@ class Assembly:
         """Build the specification of arm, hand and tool alone, whose root is the arm's base at the world's origin."""
         arm = self.robot.spec.copy()
         meet_heads(arm)
-        with quiet_attachment():
+        with assembling():
             hand = make_clamp(self.robot.standoff) if self.hand is None else self.hand.spec.copy()
             arm.attach(hand, site=arm.site(self.robot.flange), prefix=HAND_PREFIX)
             if self.tool is not None:
@@ -80,7 +80,7 @@ class Assembly:
     def attach_to(self, spec: mujoco.MjSpec) -> None:
         """Put the assembly into a scene, where the arm's base stands."""
         stand, own = self.robot.stand, self.build_spec()
-        with quiet_attachment():
+        with assembling():
             frame = spec.worldbody.add_frame(pos=stand.position, quat=stand.quaternion)
             frame.attach_body(own.body(self.robot.base), "", "")
 

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, UnknownName, note
 from robosim.robot.urdf import parse_model, read_urdf
 
 MENAGERIE = "menagerie:"
@@ -28,23 +28,26 @@ def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.
         raise ConfigError(f"{path}: no such file; accepted: a model of MuJoCo (MJCF) or a URDF")
     root = parse_model(path)
     try:
-        spec = read_urdf(root, path, packages or {}) if root.tag == "robot" else mujoco.MjSpec.from_file(str(path))
-        if spec.compiler.settotalmass > 0.0:
-            raise ConfigError(f"{path}: settotalmass = {spec.compiler.settotalmass:g} would scale the whole scene; "
-                              f"accepted: masses of the bodies, as MuJoCo's saved model has them")
-        spec.compiler.fusestatic = False  # else a URDF loses its root and the frames at its flange
-        for number, body in enumerate(spec.bodies):
-            body.name = body.name or f"{path.stem}_body_{number}"
-            body.gravcomp = 0.0  # the servo compensates gravity
-        for number, one in enumerate(spec.equalities):
-            one.name = one.name or f"{number} of {one.name1} and {one.name2}"
-        for key in list(spec.keys):
-            spec.delete(key)
-        spec.compile()  # a copy would leave out what refers to nothing
+        with quiet_mujoco() as said:
+            spec = read_urdf(root, path, packages or {}) if root.tag == "robot" else mujoco.MjSpec.from_file(str(path))
+            if spec.compiler.settotalmass > 0.0:
+                raise ConfigError(f"{path}: settotalmass = {spec.compiler.settotalmass:g} would scale the whole scene; "
+                                  f"accepted: masses of the bodies, as MuJoCo's saved model has them")
+            spec.compiler.fusestatic = False  # else a URDF loses its root and the frames at its flange
+            for number, body in enumerate(spec.bodies):
+                body.name = body.name or f"{path.stem}_body_{number}"
+                body.gravcomp = 0.0  # the servo compensates gravity
+            for number, one in enumerate(spec.equalities):
+                one.name = one.name or f"{number} of {one.name1} and {one.name2}"
+            for key in list(spec.keys):
+                spec.delete(key)
+            spec.compile()  # a copy would leave out what refers to nothing
     except ConfigError:
         raise
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: cannot be read as a model: {' '.join(str(error).split())}") from None
+    for text in said:
+        note(f"{path}: {' '.join(text.split())}")
     return spec
 
 
@@ -87,13 +90,25 @@ def find_in_menagerie(name: str) -> Path:
 
 
 @contextlib.contextmanager
-def quiet_attachment() -> Iterator[None]:
-    """Suppress MuJoCo's warnings about attaching with an empty prefix, and a part with options of its own.
-    A laboratory's names of joints and bodies are kept; names that occur twice are an error of `compile_spec`. The
-    options that hold are those of the scene. Raises ConfigError with MuJoCo's reason for parts that do not fit."""
-    mujoco.set_mju_user_warning(lambda text: None)
+def quiet_mujoco() -> Iterator[list[str]]:
+    """Suppress MuJoCo's warnings, which it would append to a file in the working directory, and give their texts.
+    Of Python's, those about attaching with an empty prefix, and a part with options of its own: a laboratory's names of
+    joints and bodies are kept, names that occur twice are an error of `assembling`, and the options that hold are
+    those of the scene."""
+    said, before = list[str](), mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*prefix.*|Attach conflict.*")
+        try:
+            yield said
+        finally:
+            mujoco.set_mju_user_warning(before)  # one within another leaves it quiet
+
+
+@contextlib.contextmanager
+def assembling() -> Iterator[None]:
+    """Attach or compile parts of a scene; raises ConfigError with MuJoCo's reason where they do not fit."""
+    with quiet_mujoco():
         try:
             yield
         except ConfigError:
@@ -103,13 +118,11 @@ def quiet_attachment() -> Iterator[None]:
             remedy = "; arm, hand, tool, containers and work cell share their names: rename it in one of the models"
             raise ConfigError(f"the scene cannot be compiled: {reason}{remedy if 'repeated name' in reason else ''}"
                               ) from None
-        finally:
-            mujoco.set_mju_user_warning(None)
 
 
 def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile a specification; raises ConfigError with MuJoCo's reason where it cannot be."""
-    with quiet_attachment():
+    with assembling():
         return spec.compile()
 
 

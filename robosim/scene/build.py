@@ -9,7 +9,7 @@ from robosim.config.arm import Grip
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig
 from robosim.robot.assembly import Assembly, add_sensors, meet_heads
-from robosim.robot.mjspec import BARE, quiet_attachment, read_model
+from robosim.robot.mjspec import BARE, assembling, read_model
 from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.grasp import release_tool_joints
 from robosim.scene.models import assemble, load_container, load_spec
@@ -62,7 +62,7 @@ def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, Cont
     assembly.attach_to(spec)
     if grasp == "friction":
         release_tool_joints(spec, assembly, stand)
-    with quiet_attachment():
+    with assembling():
         for name, container in containers.items():
             add_container(spec, name, container)
             if not contact and assembly.tool is not None:

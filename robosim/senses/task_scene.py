@@ -9,7 +9,7 @@ import numpy as np
 import mpm
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.rendering.renderer import TARGET_MARK, add_mark
-from robosim.robot.mjspec import quiet_attachment
+from robosim.robot.mjspec import assembling
 from robosim.scene.build import add_container
 from robosim.scene.models import load_spec, load_tool_model
 from robosim.tasks.scene_setting import StillBodies
@@ -27,7 +27,7 @@ def build_task_spec(task: TaskConfig, arm: mujoco.MjSpec | None, *, marks: bool 
     spec = load_spec("workcell", "workcell.xml") if arm is None else arm
     if arm is None:
         carrier = spec.worldbody.add_body(name="carrier", mocap=True)
-        with quiet_attachment():
+        with assembling():
             carrier.add_frame().attach_body(load_tool_model(task.tool).spec.body(task.tool_name), "", "")
             for name, container in task.containers.items():
                 add_container(spec, name, container)

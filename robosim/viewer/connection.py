@@ -28,7 +28,7 @@ class ViewerConnection(ServerConnection):
     gui: viser.GuiApi | None = None
 
     async def handshake(self, process_request: Any = None, *rest: Any) -> None:
-        """Perform the opening handshake; 400 or 403 for requests of others."""
+        """Perform the opening handshake; 400, 403 or 404 for requests that are no page's."""
         await super().handshake(lambda own, request: self._refuse(request) or process_request(own, request), *rest)
 
     def _refuse(self, request: Request) -> Response | None:
@@ -39,6 +39,8 @@ class ViewerConnection(ServerConnection):
         host, origin = ("".join(request.headers.get_all(name)) for name in ("Host", "Origin"))
         if OWN_HOST.fullmatch(host) is None or origin not in ("", f"http://{host}"):
             return self.respond(403, "only the viewer's own page is served, at http://127.0.0.1 or http://localhost\n")
+        if max(map(len, request.path.partition("?")[0].split("/"))) > 255:  # no file has such a name; viser looks it up
+            return self.respond(404, "not found\n")
         return None
 
     async def recv(self, decode: bool | None = None) -> Any:

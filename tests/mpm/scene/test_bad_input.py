@@ -96,6 +96,9 @@ def test_numbers_that_are_none_are_refused() -> None:
     for duration in (nan, np.inf, 0.0, "a", None):
         with pytest.raises(mpm.InvalidValue, match="accepted: a positive time"):
             field.advance(duration)
+    for duration in (1e9, 1e308):
+        with pytest.raises(mpm.InvalidValue, match="substeps of .* s; accepted: up to 14913080 in one call"):
+            field.advance(duration)
     with pytest.raises(mpm.InvalidValue, match="cell = nan"):
         mpm.Grid((0, 0, 0), (1, 1, 1), nan)
     with pytest.raises(mpm.InvalidValue, match="friction = nan"):

@@ -13,6 +13,7 @@ from importlib.metadata import EntryPoint, version
 from pathlib import Path
 
 import pytest
+from written_arms import write_urdf
 
 from robosim.base.errors import ConfigError
 from robosim.commands import main as module
@@ -69,6 +70,23 @@ def test_what_cannot_draw_is_named_in_a_line() -> None:
     words = [sys.executable, "-m", "robosim", "explain", "spoon"]
     done = subprocess.run(words, env={**os.environ, "MUJOCO_GL": "none"}, capture_output=True, text=True)
     assert done.returncode == 2 and re.fullmatch("robosim explain: MUJOCO_GL=none: cannot be loaded .*\n", done.stderr)
+    words = [sys.executable, "-c", "import robosim; robosim.Rehearsal"]
+    done = subprocess.run(words, env={**os.environ, "MUJOCO_GL": "none"}, capture_output=True, text=True)
+    assert re.fullmatch(r".*ConfigError: MUJOCO_GL=none: cannot be loaded .*; accepted: disable, .*",
+                        done.stderr.splitlines()[-1]) and "During handling" not in done.stderr
+
+
+def test_long_paths_and_names_of_other_alphabets(tmp_path: Path) -> None:
+    """In a terminal that is older than UTF-8: what cannot be written is refused, what cannot be shown is escaped."""
+    write_urdf(tmp_path / "arm.urdf", ('"q0"', '"Ä"'))
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    for words, status, said in ((["new", "arm", "arm.urdf"], 0, r".*at the end of \\xc4, .*"),
+                                (["new", "material", "Süß"], 2, r"robosim: 'S.*': not text in the encoding ascii .*"),
+                                (["view", 5000 * "x"], 2, r"robosim view: .* too long: 'x{99}\.\.\.x*'")):
+        done = subprocess.run([sys.executable, "-m", "robosim", *words], cwd=tmp_path, env=environment,
+                              capture_output=True, text=True)
+        first, = done.stdout.splitlines()[:1] or done.stderr.splitlines()
+        assert done.returncode == status and re.fullmatch(said, first) and len(first) < 400, (first, done.stderr)
 
 
 def test_help_loads_nothing_heavy() -> None:

@@ -26,6 +26,7 @@ def env() -> GrainEnv:
     ({"colour": 3.0}, ("'colour'", "E, cohesion, density")), ({"render_mode": "ascii"}, ("'ascii'", "rgb_array")),
     ({"randomize": {"E": (2e5, 1e5)}}, ("E = (200000.0, 100000.0)", "(lowest, highest)")),
     ({"grasp": "glue", "obs": "none"}, ("'glue'", "friction, weld")),
+    ({"material": 5}, ("unknown material 5; valid: clay", "or the path of a .yaml file of your own")),
 ])
 def test_unknown_options_list_the_valid_ones(options: dict, words: tuple[str, ...]) -> None:
     with pytest.raises(robosim.RobosimError) as caught:

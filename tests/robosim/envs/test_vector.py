@@ -191,6 +191,8 @@ def test_wrong_input_is_refused(carried: gymnasium.vector.VectorEnv) -> None:
     assert np.array_equal(carried.step(good)[0], expected)  # nobody has moved for what was refused
     with pytest.raises(UnknownName, match="nominal"):
         carried.reset(options={"start": 1})
+    with pytest.raises(ConfigError, match=r"\[1\]; accepted: a dict of nominal"):
+        carried.reset(options=[1])
     for options, complaint in (({"horizon": "terminated"}, "horizon"), ({"obs": "postions"}, "positions"),
                                ({"action_repeat": 2.5}, "whole number"), ({"material": "rice"}, "salt")):
         with pytest.raises(ConfigError, match=complaint):

@@ -1,5 +1,8 @@
 """Light, shadow and heaps in pictures."""
 
+import subprocess
+import sys
+
 import mujoco
 import numpy as np
 
@@ -22,6 +25,21 @@ def test_a_shadow_takes_its_share_and_has_a_soft_edge() -> None:
     assert abs(line[160] / line[100] - (1.0 - SHADE)) < 0.1
     edge = np.flatnonzero((line[100:160] < 0.97 * line[100]) & (line[100:160] > 1.1 * line[160]))
     assert 2 <= len(edge) < 30
+
+
+def test_a_renderer_frees_what_is_its_own() -> None:
+    """Closed beside another one, and left open at the interpreter's exit, also where finalizers were made before."""
+    code = f"""import weakref, robosim, mujoco
+from robosim.rendering.renderer import SceneRenderer
+early = weakref.finalize(mujoco, int)
+model = mujoco.MjModel.from_xml_string({BALL!r})
+one, other = (SceneRenderer(model, 0, 32, 24) for _ in range(2))
+first, _ = (renderer.draw(mujoco.MjData(model), None, "low") for renderer in (one, other))
+one.draw(mujoco.MjData(model), None, "low")
+other.close()
+assert (one.draw(mujoco.MjData(model), None, "low") == first).all()"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_a_heap_has_a_surface_that_points_outwards() -> None:

@@ -85,6 +85,15 @@ def test_visual_shapes_that_are_left_out_are_noted(end: str, tmp_path: Path) -> 
         read(path)
 
 
+def test_a_number_that_is_none_is_noted_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                             capfd: pytest.CaptureFixture[str]) -> None:
+    """MuJoCo would print it itself, and write a file of its own where the command was called."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.warns(RobosimWarning, match="arm.urdf: XML contains a 'NaN'"):
+        draft_arm(write_urdf(tmp_path / "arm.urdf", ('xyz="0 0 0.1" rpy', 'xyz="0 0 nan" rpy')))
+    assert capfd.readouterr().err == "" and [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
+
+
 def test_prefixes_that_a_file_does_not_declare_are_read(tmp_path: Path) -> None:
     """As those of Drake, which ROS and MuJoCo read, too."""
     path = write_urdf(tmp_path / "a.urdf", (LIMIT % (5, 5), 'drake:acceleration="2.5" ' + LIMIT % (5, 5)),

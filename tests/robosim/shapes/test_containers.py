@@ -13,7 +13,7 @@ import mpm
 from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig
 from robosim.config.tool import ToolConfig
-from robosim.robot.mjspec import compile_spec, quiet_attachment
+from robosim.robot.mjspec import assembling, compile_spec
 from robosim.scene.build import add_container
 from robosim.scene.models import container_shape, load_container
 from robosim.shapes import ToolShape, tool_shape
@@ -99,7 +99,7 @@ def test_a_model_can_stand_twice_under_two_names() -> None:
     spec = mujoco.MjSpec()
     for name, x in (("left", -0.2), ("right", 0.2)):
         one = ContainerConfig(model="target", position=(x, 0.0, 0.0))
-        with quiet_attachment():
+        with assembling():
             add_container(spec, name, one)
     model = compile_spec(spec)
     assert {model.body(k).name for k in range(1, model.nbody)} == {"left", "right"}

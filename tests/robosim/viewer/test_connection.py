@@ -46,7 +46,8 @@ def test_pages_of_other_sites_are_refused(server: viser.ViserServer) -> None:
 
 def test_wrong_requests_are_answered(server: viser.ViserServer, capfd: pytest.CaptureFixture[str]) -> None:
     for target, host, status in (("http://[", "localhost", b"400"), ("/" + "a" * 5000, "localhost", b"400"),
-                                 ("/", "other.org", b"403"), ("/", "localhost", b"200")):
+                                 ("/" + "a" * 998, "localhost", b"404"), ("/", "other.org", b"403"),
+                                 ("/?" + "a" * 900, "localhost", b"200")):
         with socket.create_connection(("127.0.0.1", server.get_port()), timeout=10) as client:
             client.sendall(f"GET {target} HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
             assert client.makefile("rb").readline().split()[1] == status and not capfd.readouterr().err
