@@ -26,12 +26,19 @@ class InvalidValue(MpmError, ValueError):
     """A value or array shape that is not accepted."""
 
 
+def say_meant(given: object, valid: Iterable[str]) -> str:
+    """Return the end of a message about a name that is not valid: the one that was probably meant, if there is one.
+    A kind before a name of the list, as in "body tool0", is no part of it."""
+    names = [name for one in valid for name in {one, one.split(" ", 1)[-1]} if name != given]
+    close = get_close_matches(given[:100], names, 1) if isinstance(given, str) else []
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
 def say_unknown(what: str, given: object, valid: list[str], also: str = "") -> str:
     """Return the message about a name that is not valid, with the one that was probably meant.
     also: what else is accepted."""
-    close = get_close_matches(given[:100], valid, 1) if isinstance(given, str) else []
-    meant = f"; did you mean {close[0]!r}?" if close else ""
-    return f"unknown {what} {given!r:.200}; valid: {', '.join([*valid, also] if also else valid)}{meant}"
+    accepted = ", ".join([*valid, also] if also else valid)
+    return f"unknown {what} {given!r:.200}; valid: {accepted}{say_meant(given, valid)}"
 
 
 class UnknownName(MpmError, ValueError):

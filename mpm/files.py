@@ -49,6 +49,6 @@ def quote(value: object) -> str:
     short.maxstring = short.maxother = 200
     short.maxlist = short.maxtuple = short.maxdict = 12
     try:
-        return short.repr(value)
+        return short.repr(value.item() if getattr(value, "shape", None) == () else value)
     except ValueError:  # Python refuses to write integers of more than 4300 digits
         return f"a value of type {type(value).__name__} that is too long to show"

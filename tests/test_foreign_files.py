@@ -1,6 +1,8 @@
 """Damaged files of other programs, and recordings: each is read or refused in one line, within 2 GB and 10 s."""
 
 import contextlib
+import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -130,6 +132,41 @@ KINDS: dict[str, tuple[Callable[[Path], object], Callable[..., st.SearchStrategy
     "log.csv": (lambda path: read_joint_log(path, ["a"]), changed_texts),
 }
 """Name of a file -> its reader, and what draws changes besides those of bytes, numbers and names."""
+
+
+HUGE = {
+    "copies": '<worldbody><replicate count="100000000"><geom size="0.01"/></replicate></worldbody>',
+    "copies of copies": "<worldbody>" + 3 * '<replicate count="1000">' + 3 * "</replicate>" + "</worldbody>",
+    "included copies": '<include file="more.xml"/>', "a part of itself": '<asset><model file="arm.xml"/></asset>',
+    "attached copies": '<asset><model file="more.xml"/></asset>',
+    "copies of a part": '<asset><model file="few.xml"/></asset><worldbody><replicate count="2000"><attach/></replicate>'
+                        '</worldbody>',
+    "a flex": '<worldbody><flexcomp name="f" type="grid" dim="3" count="300 300 300" spacing="1 1 1"/></worldbody>',
+    "a cable": '<worldbody><composite type="cable" count="10000000 1 1" size="1"/></worldbody>',
+    "heights": '<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>',
+    "pixels": '<asset><texture name="t" type="2d" builtin="flat" width="100000" height="100000"/></asset>',
+    "vertices": '<asset><mesh name="p" builtin="plate" params="20000 20000"/></asset>',
+    "keys": '<size nkey="100000000"/>', "a pipe": '<asset><mesh name="p" file="pipe.stl"/></asset>',
+    "a pipe in a folder": '<compiler meshdir="in"/><asset><mesh name="p" file="pipe.stl"/></asset>',
+    "a large file": '<asset><mesh name="p" file="large.stl"/></asset>', "comments": 10**6 * "<!--",
+    "prefixes": "".join(f"<p{k}:b/>" for k in range(20_000)), "elements": 60_000 * "<a/>",
+}
+"""What an arm's file is given, in which MuJoCo would read or make more than there is room for."""
+
+
+@pytest.mark.parametrize("name", HUGE)
+def test_what_mujoco_would_make_without_bound_is_refused(name: str, tmp_path: Path) -> None:
+    """Before it does; of a bare & in the file no less."""
+    path = write_arm(tmp_path / "arm.xml", 6)
+    path.write_text(path.read_text().replace("<mujoco>", f"<mujoco model='a & b'>{HUGE[name]}", 1))
+    (tmp_path / "more.xml").write_text(f"<mujoco>{HUGE['copies']}</mujoco>")
+    (tmp_path / "few.xml").write_text("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    (tmp_path / "in").mkdir()
+    for place in (tmp_path, tmp_path / "in") if name != "a pipe in a folder" else (tmp_path / "in",):
+        os.mkfifo(place / "pipe.stl")
+    with (tmp_path / "large.stl").open("wb") as file:
+        file.truncate(10**10)
+    assert re.match(rf"{tmp_path}.*(accepted: |not XML)", handle(lambda: read_arm(path))[1])
 
 
 @pytest.mark.filterwarnings("ignore")

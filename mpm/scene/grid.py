@@ -27,10 +27,11 @@ class Grid:
 
     def __post_init__(self) -> None:
         if not 0 < self.cell < np.inf:
-            raise InvalidValue(f"Grid: cell = {self.cell} m; accepted: a positive length")
+            raise InvalidValue(f"Grid: cell = {self.cell:g} m; accepted: a positive length")
         span = np.subtract(self.upper, self.lower)
         if span.shape != (3,) or not np.isfinite(span).all() or np.any(span < (1 - 1e-9) * self.cell):
-            raise InvalidValue(f"Grid: {self.lower} .. {self.upper} m is no box of a cell of {self.cell} m or more")
+            raise InvalidValue(f"Grid: {np.asarray(self.lower)} .. {np.asarray(self.upper)} m is no box of a cell of "
+                               f"{self.cell:g} m or more")
 
     @property
     def cells(self) -> np.ndarray:
@@ -56,5 +57,5 @@ class Grid:
         upper = lower + self.cells * self.cell
         outside = np.flatnonzero(np.any((positions < lower - slack) | (positions > upper + slack), axis=1))
         if len(outside):
-            raise InvalidValue(f"{what}{len(outside)} particles lie outside the grid {self.lower} .. {tuple(upper)} m, "
-                               f"first: particle {outside[0]} at {tuple(positions[outside[0]])}")
+            raise InvalidValue(f"{what}{len(outside)} particles lie outside the grid {lower} .. {upper} m, "
+                               f"first: particle {outside[0]} at {positions[outside[0]]}")

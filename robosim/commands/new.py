@@ -1,11 +1,12 @@
 """`robosim new`: a commented configuration file to start from."""
 
 import argparse
+import math
 import re
 from pathlib import Path
 from typing import Any
 
-from robosim.base.errors import ConfigError
+from robosim.base.errors import ConfigError, note
 from robosim.base.files import write_text
 from robosim.base.resources import config_names, config_path, locate_paths, part_names, part_path
 from robosim.commands.keys import KINDS, import_name
@@ -89,13 +90,17 @@ def draft_arm(path: Path) -> tuple[dict[str, Any], tuple[str, ...], dict[str, li
     from robosim.config.arm import ArmConfig
     from robosim.config.table import validate
     from robosim.robot.mjspec import read_model
-    from robosim.robot.robot import collect_limits, read_chain
+    from robosim.robot.robot import SLIDE, collect_limits, read_chain
 
     spec = read_model(path)
     flange = guess_flange(spec)
     joints = tuple(joint.name for joint in read_chain(spec, flange, 0.0, path)[1])
     table: dict[str, Any] = {"model": path.name, "flange": flange, "payload": None}
     limits, _, missing = collect_limits(spec.compile(), joints, validate(table, path, ArmConfig), path)
+    far = [f"{name} from {lower:.4g} to {upper:.4g}" for name, lower, upper in zip(joints, limits["lower"],
+           limits["upper"]) if max(-lower, upper) > 4.0 * math.pi and spec.joint(name).type != SLIDE]
+    if far:
+        note(f"{path}: ranges beyond two turns: {', '.join(far)} rad; are these degrees?")
     table["limits"] = {key: [None if key.endswith("_deg") or value != value else float(value) for value in
                              limits.get(key, joints)] for key in missing}
     return table, joints, missing

@@ -6,7 +6,10 @@ import pydantic
 from pydantic import Field
 
 # Positions are in single precision: at 100 m from the origin it resolves 8 micrometres, a fiftieth of a grain of salt.
-Coordinate = Annotated[float, Field(ge=-100.0, le=100.0)]
+FarCoordinate = Annotated[float, Field(ge=-100.0, le=100.0)]
+"""[m] of a region, which may hold all of a scene, and of recordings of users' own scenes."""
+# No arm reaches further; lengths in millimetres are mostly outside.
+Coordinate = Annotated[float, Field(ge=-10.0, le=10.0)]
 HalfSize = Annotated[float, Field(ge=0.0, le=100.0)]
 """Half an edge [m]; zero for a region without thickness."""
 # More than a turn is the same pose.

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field
 
+from mpm.errors import say_unknown
 from mpm.geometry.rigid_motion import Pose
 from robosim.base.resources import config_path
 from robosim.config import bounds
@@ -145,13 +146,12 @@ class RehearsalConfig(SceneConfig):
             raise ValueError(f"waypoints: names repeat: {sorted({n for n in names if names.count(n) > 1})}")
         if self.trajectory == "script" and self.weigh_at is not None:
             if self.weigh_at not in names:
-                raise ValueError(f"weigh_at: unknown waypoint {self.weigh_at!r}; valid: {', '.join(names)}")
+                raise ValueError(f"weigh_at: {say_unknown('waypoint', self.weigh_at, names)}")
             if next(w for w in self.waypoints if w.name == self.weigh_at).dwell < 0.2:
                 raise ValueError(f"weigh_at: waypoint {self.weigh_at!r} needs a dwell of 0.2 s or more")
         for w in self.waypoints:
             if w.frame not in ("world", *self.containers):
-                raise ValueError(f"waypoint {w.name!r}: unknown frame {w.frame!r}; "
-                                 f"valid: {', '.join(('world', *self.containers))}")
+                raise ValueError(f"waypoint {w.name!r}: {say_unknown('frame', w.frame, ['world', *self.containers])}")
             if w.dwell and not w.stop:
                 raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
         walls = self.solid_wall / (cell := self.field.cell)  # half a cell for a shell
@@ -192,8 +192,8 @@ class RehearsalConfig(SceneConfig):
             return self
         names, at = [w.name for w in self.waypoints], self.dose.at
         if at not in names and not (isinstance(at, int) and 0 < at < len(names) - 1):
-            raise ValueError(f"dose.at: unknown waypoint {at!r}; valid: {', '.join(names[1:-1])}, or a number of 1 to "
-                             f"{len(names) - 2}")
+            also = f"or a number of 1 to {len(names) - 2}"
+            raise ValueError(f"dose.at: {say_unknown('waypoint', at, names[1:-1], also)}")
         index = names.index(self.dose_at)
         waypoint = self.waypoints[index]
         if not waypoint.stop or not 0 < index < len(names) - 1:

@@ -16,7 +16,7 @@ from robosim.config.table import Placement, Table, Vector3
 class RegionConfig(Table):
     """A region of the world: a box, or an upright cylinder."""
 
-    centre: Vector3
+    centre: tuple[bounds.FarCoordinate, bounds.FarCoordinate, bounds.FarCoordinate]
     """Centre [m]."""
     half: tuple[bounds.HalfSize, bounds.HalfSize, bounds.HalfSize]
     """Half sizes [m]."""

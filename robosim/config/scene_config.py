@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Literal
 import pydantic
 from pydantic import Field
 
+from mpm.errors import say_unknown
 from robosim.base.resources import folder
 from robosim.config.bounds import MAX_ENTRIES, FilePath, Length, Name, Text
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
@@ -80,8 +81,8 @@ class SceneConfig(Table):
         names = sorted(path.stem for path in (folder("models") / "containers").glob("*.xml"))
         for name, container in self.containers.items():
             if container.is_named and (container.model or name) not in names:
-                raise ValueError(f"containers: unknown {container.model or name!r}; valid: {', '.join(names)}; or a "
-                                 f"container with size, radius and height, or mesh")
+                also = "or a container with size, radius and height, or mesh"
+                raise ValueError(f"containers: {say_unknown('model', container.model or name, names, also)}")
         if self.tool_name in self.containers:
             raise ValueError(f"containers: {self.tool_name!r} is the tool's name; accepted: another")
         return self

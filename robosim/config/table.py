@@ -10,6 +10,7 @@ import pydantic
 from pydantic import BaseModel, ConfigDict
 from scipy.spatial.transform import Rotation
 
+from mpm.errors import say_meant
 from mpm.files import quote
 from mpm.geometry.rigid_motion import Pose
 from robosim.base.errors import ConfigError, say_renamed
@@ -111,18 +112,23 @@ def list_errors(error: pydantic.ValidationError, data: Any, line: Callable[[Any]
 
 def describe(error: Any, kind: type[Any]) -> str:
     """Describe one of pydantic's errors: key, value, reason; of an unknown key the new name, or the keys that exist."""
-    place = ".".join(str(part) for part in error["loc"])
+    place, table, meaning = ".".join(str(part) for part in error["loc"]), kind, ""
+    for part in error["loc"]:
+        meaning = getattr(table.model_fields.get(part), "description", meaning) or ""
+        table = _child(table, part)
     if error["type"] == "extra_forbidden":
-        table: Any = kind
-        for part in error["loc"][:-1]:
-            table = _child(table, part)
         renamed = RENAMED.get(table.__name__, {}).get(str(error["loc"][-1]))
         if renamed is not None:
             return f"key {place!r} is now called {renamed!r}; rename it"
-        return f"unknown key {place!r}; valid: {', '.join(table.model_fields)}"
+        meant = say_meant(error["loc"][-1], table.model_fields)
+        return f"unknown key {place!r}; valid: {', '.join(table.model_fields)}{meant}"
     if error["type"] == "value_error":
         return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])
     value = "" if error["type"] == "missing" else f" (given: {quote(error['input'])})"
+    if "[m]" in meaning and error["type"].startswith(("less_than", "greater_than")):
+        given, (most, *_) = error["input"], error["ctx"].values()
+        is_large = isinstance(given, int | float) and abs(most) < abs(given) < 1e6 and given * most > 0
+        value += f"; it is in metres{f'; did you mean {given:g} mm, {given / 1e3:g}?' if is_large else ''}"
     return f"{place or 'file'}: {error['msg']}{value}{say_renamed(error['input'])}"
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import Field
 
+from mpm.errors import say_unknown
 from robosim.base.resources import part_names, part_path
 from robosim.config.bounds import MAX_ENTRIES, FilePath, Intensity, Length
 from robosim.config.scene import RegionConfig
@@ -138,7 +139,7 @@ def read_tool_file(given: Any) -> Any:
 def check_tool(tool: str | ToolConfig) -> str | ToolConfig:
     """Return a tool; raises ValueError for a name that models/tools does not have."""
     if isinstance(tool, str) and tool not in (names := part_names("tools")):
-        raise ValueError(f"unknown {tool!r}; valid: {', '.join(names)}, or the path of a .yaml file of your own")
+        raise ValueError(say_unknown("tool", tool, names, "or the path of a .yaml file of your own"))
     return tool
 
 

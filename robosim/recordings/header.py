@@ -8,11 +8,12 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 import mpm
-from robosim.config.bounds import MAX_ENTRIES, Coordinate, Intensity, Name, Text
-from robosim.config.table import Table, Vector3
+from robosim.config.bounds import MAX_ENTRIES, FarCoordinate, Intensity, Name, Text
+from robosim.config.table import Table
 
 VERSION = 1
-Quaternion = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+Vector3 = tuple[FarCoordinate, FarCoordinate, FarCoordinate]
+Quaternion = tuple[FarCoordinate, FarCoordinate, FarCoordinate, FarCoordinate]
 LARGEST_HALF = 100.0
 """Half size [m] in place of an infinite one."""
 

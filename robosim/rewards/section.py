@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import pydantic
 from pydantic import Field
 
+from mpm.errors import say_unknown
 from robosim.config.table import Table
 from robosim.rewards.term import KINDS, RewardTerm
 
@@ -22,7 +23,7 @@ def read_terms(given: Any) -> dict[str, RewardTerm]:
         raise ValueError(f"{given!r:.60}; accepted: a table of {', '.join(KINDS)}")
     unknown = [name for name in given if name not in KINDS]
     if unknown:
-        raise ValueError(f"unknown term {unknown[0]!r}; valid: {', '.join(KINDS)}")
+        raise ValueError(say_unknown("term", unknown[0], list(KINDS)))
     chosen = {name: value for name, value in given.items() if value is not None and value != 0}
     if "target" in chosen and "poured" not in chosen:
         chosen.setdefault("lost", 0.0)  # shown without a weight, too

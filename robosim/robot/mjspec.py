@@ -1,9 +1,11 @@
 """Specifications of MuJoCo's models: finding, reading, compiling, and places in them."""
 
 import contextlib
+import math
 import os
 import re
 import warnings
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -15,6 +17,12 @@ from mpm import Pose
 from robosim.base.errors import ConfigError, UnknownName, note
 from robosim.robot.urdf import parse_model, read_urdf
 
+MOST = {"elements": 50_000, "copies": 3000, "values": 10_000_000, "bytes": 200_000_000}
+"""In a model's files, of its elements' copies, of heights and other values that it makes, and of a mesh or other file.
+MuJoCo has no bounds of its own, and is quadratic in bodies: it takes 3 s for as many copies."""
+MAKERS = {"replicate": "count", "composite": "count", "flexcomp": "count", "hfield": "nrow|ncol", "mesh": "params",
+          "texture": "width|height", "size": "nkey|nuser_.*"}
+"""Element that copies others, or makes values -> its attributes that say how many."""
 MENAGERIE = "menagerie:"
 """Begin of the name of a model in a local copy of MuJoCo Menagerie."""
 BARE = mujoco.MjSpec()
@@ -27,6 +35,7 @@ def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; accepted: a model of MuJoCo (MJCF) or a URDF")
     root = parse_model(path)
+    check_size(root, path)
     try:
         with quiet_mujoco() as said:
             spec = read_urdf(root, path, packages or {}) if root.tag == "robot" else mujoco.MjSpec.from_file(str(path))
@@ -44,11 +53,50 @@ def read_model(path: Path, packages: Mapping[str, str] | None = None) -> mujoco.
             spec.compile()  # a copy would leave out what refers to nothing
     except ConfigError:
         raise
-    except (ValueError, RecursionError) as error:
+    except (ValueError, RuntimeError) as error:  # the latter of memory that there is not
         raise ConfigError(f"{path}: cannot be read as a model: {' '.join(str(error).split())}") from None
     for text in said:
         note(f"{path}: {' '.join(text.split())}")
     return spec
+
+
+def check_size(root: ET.Element, path: Path) -> None:
+    """Raise ConfigError for a parsed model that would be too large, or that reads a pipe or a device.
+    What its files include or attach is part of it."""
+    copies, values, attached, names, folders = 0.0, 0.0, dict[Path, float](), set[str](), {path.parent}
+    pending: list[tuple[ET.Element, float, tuple[Path, ...]]] = [(root, 1.0, (path.resolve(),))]
+    for element, times, within in pending:  # level by level: <compiler> comes before what uses its folders
+        tag, file = element.tag, within[-1]
+        sizes = [float(number) for key, text in element.items() if re.fullmatch(MAKERS.get(tag, " "), key)
+                 for number in re.findall(r"(?<![\w.])0*([1-9]\d*)(?![\w.])", text)]
+        if tag in ("mesh", "size"):  # of vertices along an edge; of each of many parts
+            sizes = [30.0, max(sizes, default=0.0) ** 2]
+        times *= math.prod(sizes) if MAKERS.get(tag) == "count" else 1.0
+        copies += times if times > 1.0 else 0.0
+        values += math.prod(sizes) if tag in MAKERS else 0.0
+        attached[file] = attached.get(file, 0.0) + (times if tag == "attach" else 0.0)
+        again = math.prod(max(1.0, number) for number in attached.values())
+        for what, number in (("elements", len(pending)), ("copies", copies + (again - 1.0) * len(pending)),
+                             ("values", again * values)):
+            if number > MOST[what]:
+                given = "".join(f' {key}="{text:.30}"' for key, text in element.items())
+                raise ConfigError(f"{file}: <{tag}{given:.200}>: {number:.3g} {what}; accepted: up to {MOST[what]}")
+        names.update(text for key, text in element.items() if key.startswith("file"))
+        if tag == "compiler":
+            folders.update(file.parent / element.get(key, "") for key in ("meshdir", "texturedir", "assetdir"))
+        pending.extend((child, times, within) for child in element)
+        if tag not in ("include", "model"):
+            continue
+        for part in {Path(os.path.realpath(one / element.get("file", ""))) for one in (*folders, file.parent)}:
+            if part in within:
+                raise ConfigError(f"{file}: <{tag}> of {part}, which it is in itself; accepted: another file")
+            if part not in attached and os.path.isfile(part):
+                attached[part] = 0.0
+                pending.append((parse_model(part), times, (*within, part)))
+    for place in {folder / one for folder in folders for name in names for one in (name, Path(name).name)}:
+        if os.path.exists(place) and not os.path.isdir(place) and (
+                not os.path.isfile(place) or os.path.getsize(place) > MOST["bytes"]):
+            raise ConfigError(f"{path}: {place}: a pipe, a device or too large; accepted: up to {MOST['bytes']} bytes")
 
 
 def locate_model(name: str, place: Path) -> Path:

@@ -88,8 +88,6 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
         raise ConfigError(f"{path}: has no {lacking}; accepted: all four of a URDF's <limit>, range and an actuator's "
                           f"forcerange in an MJCF, {JOINT_RANGE[0]:g} to {JOINT_RANGE[1]:g}; or the keys of `limits` "
                           f"in the arm's file")
-    if not np.any(model.geom_contype | model.geom_conaffinity):
-        note(f"{path}: no shape of it collides; hand and tool alone keep clear of things")
     write_limits(spec, joints, limits)
     types, middle = [joint.type for joint in joints], (limits["lower"] + limits["upper"]) / 2.0
     home = middle if config.home_deg is None else to_si(names, types, config.home_deg, "home_deg", path)
@@ -124,7 +122,10 @@ def read_chain(spec: mujoco.MjSpec, flange: str, turn_deg: float, path: Path) ->
                           f"{', '.join(joint.name for joint in joints)}); accepted: {LEAST_JOINTS} to {MOST_JOINTS}")
     for number, joint in enumerate(joints, 1):
         joint.name = joint.name or f"joint_{number}"
-    check_couplings(spec.copy().compile(), [joint.name for joint in joints], path)
+    model = spec.copy().compile()
+    check_couplings(model, [joint.name for joint in joints], path)
+    if not np.any(model.geom_contype | model.geom_conaffinity):
+        note(f"{path}: no shape of it collides; hand and tool alone keep clear of things")
     return bodies, joints
 
 

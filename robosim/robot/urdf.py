@@ -18,22 +18,26 @@ READABLE = (".stl", ".obj", ".msh")
 
 
 def parse_model(path: Path) -> ET.Element:
-    """Parse an MJCF or URDF file, one of xacro expanded; raises ConfigError. An MJCF that is not XML gives an empty
-    element, for MuJoCo reads more than XML, such as a bare &, and says what it does not read."""
-    text = re.sub("<!--.*?-->", "", read_text(path, 50_000_000), flags=re.DOTALL)  # MuJoCo takes some with -- in them
+    """Parse an MJCF or URDF file, one of xacro expanded; raises ConfigError.
+    A bare & and what MuJoCo takes for a comment are read, although they are not XML."""
+    text, *others = read_text(path, 50_000_000).split("<!--")  # MuJoCo takes comments with -- in them
+    text += "".join(other.partition("-->")[2] for other in others)
     try:
         if path.suffix.lower() == ".xacro" or "<xacro:" in text:
             text = import_module("xacro").process_file(str(path)).toxml()
     except Exception as error:  # expressions of the file are executed
-        raise ConfigError(f"{path}: xacro: {' '.join(str(error).split())}; accepted: the URDF that `xacro {path.name}` "
-                          f"prints, or a xacro file after `pip install xacro`") from None
-    declared = "".join(f' xmlns:{name}="{name}"' for name in set(re.findall(r"[<\s]([a-zA-Z_]\w*):\w", text))
-                       if name not in ("xml", "xmlns") and f"xmlns:{name}=" not in text)  # ROS asks for none
+        is_missing = getattr(error, "name", "") == "xacro"
+        other = ", or a xacro file after `pip install xacro`" if is_missing else " in a sourced ROS workspace"
+        raise ConfigError(f"{path}: xacro: {' '.join(str(error).split())}; accepted: the URDF that `xacro {path.name} "
+                          f"> arm.urdf` writes{other}") from None
+    undeclared = set(re.findall(r"[<\s]([a-zA-Z_]\w*):\w", text)) - {"xml", "xmlns", *re.findall(r"xmlns:(\w+)=", text)}
+    if len(undeclared) > 100:  # XML's readers compare each with all
+        raise ConfigError(f"{path}: {len(undeclared)} prefixes that it does not declare; accepted: up to 100")
+    declared = "".join(f' xmlns:{name}="{name}"' for name in undeclared)  # ROS asks for none
+    text = re.sub(r"&(?!#?\w+;)", "&amp;", text.lstrip())
     try:
-        return ET.fromstring(re.sub("<robot(?=[\\s>])", f"<robot{declared}", text.lstrip(), count=1))
+        return ET.fromstring(re.sub(r"<(robot|mujoco)(?=[\s>])", rf"<\1{declared}", text, count=1))
     except ET.ParseError as error:
-        if path.suffix.lower() != ".urdf" and "<robot" not in text:
-            return ET.Element("mujoco")
         raise ConfigError(f"{path}: cannot be read as a model: it is not XML: {error}") from None
 
 

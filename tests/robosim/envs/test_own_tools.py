@@ -79,7 +79,7 @@ def test_what_does_not_fit_is_refused_by_name(folder: Path) -> None:
     text = path.read_text()
     for old, new, message in (("  bowl:", "  ladle:", "'ladle' is the tool's name"),
                               ("../ladle.yaml", "ladle.yaml", "tasks/ladle.yaml: no such file"),
-                              ("../ladle.yaml", "ladel", "tool: unknown 'ladel'; valid: bottle, scoop, shaker"),
+                              ("../ladle.yaml", "ladel", "unknown tool 'ladel'; valid: bottle, scoop, shaker"),
                               ("../bowl.stl", "../bowl.step", "bowl.step")):
         path.write_text(text.replace(old, new))
         with pytest.raises(ConfigError, match=message):

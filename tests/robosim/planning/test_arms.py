@@ -42,7 +42,7 @@ def test_every_script_can_be_planned(name: str) -> None:
     ("bottle", {"pile": {"centre": [0.7, 0, 0.01], "half": [0.01] * 3}}, "2 kinds of places hold material"),
     ("shovel", {"pile": None}, "0 kinds of places hold material"),
     ("shovel", {"area": None}, "0 kinds of places take material"),
-    ("spoon", {"containers": {"bucket": {"position": [0.7, 0, 0]}}}, "unknown 'bucket'; valid: source, target, tray"),
+    ("spoon", {"containers": {"bucket": {"position": [0.7, 0, 0]}}}, "model 'bucket'; valid: source, target, tray"),
     ("bottle", {"trajectory": "recorded", "recorded": []}, "needs `recorded`"),
     ("bottle", {"weigh_at": "lifted"}, "needs a dwell"),
     ("pick_bottle", {"grasp": "weld"}, "pick with grasp: weld, trajectory: script; accepted: friction, script"),

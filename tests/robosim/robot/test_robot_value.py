@@ -79,8 +79,8 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     for path, more, message in cases:
         with pytest.raises(ConfigError, match=message):
             read(path, **more)
-    with pytest.raises(UnknownName, match="flange 'hand'; valid: body finger, body l0.*site tip"):
-        read(arm, flange="hand")
+    with pytest.raises(UnknownName, match="flange 'fingr'; valid: body finger, body l0.*site tip; .* mean 'finger'"):
+        read(arm, flange="fingr")
 
 
 def test_models_of_others_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -173,6 +174,11 @@ def test_what_a_new_arm_cannot_be_made_of_is_refused(tmp_path: Path, capsys: pyt
     done = subprocess.run([sys.executable, "-m", "robosim", "new", "arm", path], capture_output=True, text=True)
     note = "visual shapes are left out; pictures show those that collide"
     assert done.returncode == 0 and done.stderr == f"robosim new: note: {path}: {note}\n"
+    path = write_urdf(tmp_path / "b.urdf", ("collision", "visual"), ('lower="-2.5"', 'lower="-126"'))
+    with pytest.warns(RobosimWarning) as notes:
+        assert main(["new", "arm", str(path)]) == 0
+    assert re.search("no shape of it collides.* ranges beyond two turns: q0 from -126 to 2.5, q1 .*degrees[?]",
+                     " ".join(str(one.message) for one in notes))
 
 
 def test_a_continuous_joint_and_a_motor_say_their_limits(tmp_path: Path) -> None:
@@ -229,7 +235,11 @@ def test_an_mjcf_is_read_as_mujoco_reads_it(tmp_path: Path) -> None:
 def test_a_xacro_file_is_expanded_or_answered_with_how_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_urdf(tmp_path / "a.urdf.xacro", ("</robot>", "<xacro:mine/></robot>"))
     monkeypatch.setitem(sys.modules, "xacro", None)
-    with pytest.raises(ConfigError, match=r"a.urdf.xacro: xacro: .*; accepted: the URDF that `xacro a.urdf.xacro`"):
+    with pytest.raises(ConfigError, match=r"a.urdf.xacro: xacro: .*; .*pip install xacro"):
+        read(path)
+    lacking = SimpleNamespace(process_file=lambda path: import_module("ament_index_python"))
+    monkeypatch.setitem(sys.modules, "xacro", lacking)
+    with pytest.raises(ConfigError, match="the URDF that `xacro a.urdf.xacro > arm.urdf` writes in a sourced ROS"):
         read(path)
     done = SimpleNamespace(toxml=lambda: path.read_text().replace("<xacro:mine/>", ""))
     monkeypatch.setitem(sys.modules, "xacro", SimpleNamespace(process_file={str(path): done}.__getitem__))
