@@ -85,8 +85,8 @@ def main(arguments: list[str] | None = None) -> int:
 def interrupts() -> Iterator[list[int]]:
     """Raise KeyboardInterrupt on each of SIGNALS that is not ignored or handled by others; give those received.
     It is raised again every REPEAT seconds unless it is being handled: a bare `except` of a library, or a finalizer,
-    may have discarded it."""
-    received, began = list[int](), list[float]()
+    may have discarded it. Compiled code prints what it discards: not this, which is raised again."""
+    received, began, hooks = list[int](), list[float](), (sys.excepthook, sys.unraisablehook)
 
     def interrupt(number: int, frame: object) -> None:
         now = time.monotonic()
@@ -113,9 +113,12 @@ def interrupts() -> Iterator[list[int]]:
                 handlers[number] = signal.signal(number, interrupt)
         if alarm is not None and signal.getsignal(alarm) == signal.SIG_DFL:
             handlers[alarm] = signal.signal(alarm, repeat)
+    sys.excepthook = lambda kind, error, trace: None if kind is KeyboardInterrupt else hooks[0](kind, error, trace)
+    sys.unraisablehook = lambda told: None if told.exc_type is KeyboardInterrupt else hooks[1](told)
     try:
         yield received
     finally:
+        sys.excepthook, sys.unraisablehook = hooks
         if alarm in handlers:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in handlers.items():
