@@ -114,7 +114,7 @@ def interrupts() -> Iterator[list[int]]:
         if alarm is not None and signal.getsignal(alarm) == signal.SIG_DFL:
             handlers[alarm] = signal.signal(alarm, repeat)
     sys.excepthook = lambda kind, error, trace: None if kind is KeyboardInterrupt else hooks[0](kind, error, trace)
-    sys.unraisablehook = lambda told: None if told.exc_type is KeyboardInterrupt else hooks[1](told)
+    sys.unraisablehook = lambda lost: None if lost.exc_type is KeyboardInterrupt else hooks[1](lost)
     try:
         yield received
     finally:

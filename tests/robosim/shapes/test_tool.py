@@ -97,7 +97,7 @@ def test_what_is_wrong_with_a_tool_is_said(tmp_path: Path) -> None:
             ({"holes": {"positions": [], "axis": (0, 0, 1), "diameter": 1e-3}}, "holes.positions"),
             ({"thicken": "normals", "thickness": 1e-3}, "2 parts, or several vertices at a place; accepted"),
             ({"lip": (0.0, 1e3, 0.0)}, "lip"),
-            ({"lip": (40.5, 0.0, 80.0)}, r"stl: lip = \(40.5, 0.0, 80.0\) is far from .*; accepted: .*metres"),
+            ({"lip": (4.05, 0.0, 8.0)}, r"stl: lip = \(4.05, 0.0, 8.0\) is far from .*; accepted: .*metres"),
             ({"handle": {"head": (0.2, 0, 0), "end": (0.3, 0, 0)}}, "no part of the mesh lies along handle"),
             ({"handle": {**HANDLE, "approach": (-1.0, 0.0, 1.0)}}, r"handle.approach = .* is along the handle"),
             ({"handle": point}, "accepted: a line of 1 mm or more"),
