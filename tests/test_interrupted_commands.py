@@ -19,6 +19,8 @@ from result_files import Broken, check_files, find_unfinished, read_status
 
 LATEST = 600.0
 """Time [s] after which a command is taken to hang."""
+EARLIEST = 0.1
+"""Work [s] of the interpreter's own start and the package's import: Ctrl-C prints a traceback until they are done."""
 MOMENTS = 20
 """Of each command, drawn with its name as seed: as many of each way to end it."""
 SIGNALS = {"killed": signal.SIGKILL, "SIGTERM": signal.SIGTERM, "Ctrl-C": signal.SIGINT}
@@ -143,7 +145,7 @@ def test_a_command_ends_as_undisturbed_whatever_ended_it_before(tmp_path: Path, 
     assert expected[0] == expected[1] and len(expected[0]) >= len(results)
     work = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     for k in range(MOMENTS):
-        way, moment, folder = list(WAYS)[k % len(WAYS)], draw.uniform(0.0, work), prepare(tmp_path / str(k))
+        way, moment, folder = list(WAYS)[k % len(WAYS)], draw.uniform(EARLIEST, work), prepare(tmp_path / str(k))
         found = find_faults(folder, *run(words, folder, moment, way), WAYS[way], whole)
         found += [f"again: {fault}" for fault in find_faults(folder, *run(words, folder), whole)]
         if read_results(folder, kind) != expected[0]:
