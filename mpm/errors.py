@@ -2,7 +2,6 @@
 
 import copyreg
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import Any
 
 
@@ -27,10 +26,10 @@ class InvalidValue(MpmError, ValueError):
 
 
 def say_meant(given: object, valid: Iterable[str]) -> str:
-    """Return the end of a message about a name that is not valid: the one that was probably meant, if there is one.
-    A kind before a name of the list, as in "body tool0", is no part of it."""
-    names = [name for one in valid for name in {one, one.split(" ", 1)[-1]} if name != given]
-    close = get_close_matches(given[:100], names, 1) if isinstance(given, str) else []
+    """Return the end of a message about a name that is not valid: the one that was probably meant, if there is one."""
+    from difflib import get_close_matches  # rarely needed, and what imports this module is to be light
+
+    close = get_close_matches(given[:100], [one for one in valid if one != given], 1) if isinstance(given, str) else []
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
@@ -141,7 +140,6 @@ class SimulationDiverged(MpmError):
 
 class GradientDiverged(MpmError):
     """A derivative is not finite.
-
     Attributes: step (of the rollout), substep (of the step), quantity (part of the state with this derivative),
     particle (index; -1: not of a particle), norms (n_steps, 2) as in `Gradients`, zero for steps not reached."""
 

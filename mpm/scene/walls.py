@@ -88,10 +88,8 @@ def conditions_of(walls: Walls) -> list[WallCondition]:
 
 def wall_table(walls: Walls, grid: Grid) -> np.ndarray:
     """Return the six sides (WALL_COUNT, WALL_COLUMNS) in the order of folding.
-
     Columns: axis, last plane of nodes, inward sign, place of its condition in `conditions_of`, whether material may
     leave.
-
     On a periodic axis the last node above is the one before the wall: the wall's own plane is the image of the first.
     """
     classes = [type(condition) for condition in conditions_of(walls)]

@@ -17,7 +17,6 @@ WIDTH = 64
 
 class DelayedActorMixin:
     """Mixed into an actor-critic of Stable-Baselines3: a delayed, slower actor.
-
     The actor makes its first update after `actor_waits` decisions, with a learning rate `actor_rate` x the critics'.
     An actor that starts from a good motion would otherwise follow critics that are still inaccurate."""
 
@@ -44,7 +43,6 @@ def cut_out(observations: torch.Tensor, part: slice) -> torch.Tensor:
 
 class PartsEncoder(BaseFeaturesExtractor):
     """Embeds all grains in one layer and the rest of the observation in another, and joins them.
-
     slices: parts of the flat observation; "particles" holds the grains."""
 
     def __init__(self, space: gymnasium.Space, slices: dict[str, slice], width: int = WIDTH) -> None:
@@ -62,7 +60,6 @@ class PartsEncoder(BaseFeaturesExtractor):
 
 class PointNet(BaseFeaturesExtractor):
     """A network applied to every grain, in world axes; the maximum of every feature, and the rest of the observation.
-
     Source: Qi et al. 2017. slices: parts of the flat observation; "particles" holds positions and velocities, 6 numbers
     a grain."""
 
@@ -88,7 +85,6 @@ critics with 256 units and batches of 256 take 20 ms in place of 31, forward and
 
 class EnsembleLayer(nn.Module):
     """A layer of n networks: y = x W + b, its input their own or shared by all; initialised as `nn.Linear`.
-
     fan_in: inputs that the initialisation counts, where the layer is a part of a wider one; W: (inputs, n, outputs)."""
 
     def __init__(self, n: int, inputs: int, outputs: int, fan_in: int | None = None, bias: bool = True) -> None:
@@ -121,7 +117,6 @@ class EnsembleNorm(nn.Module):
 
 class CriticEnsemble(BaseModel):
     """n critics of an observation and an action.
-
     layer_norm: whether hidden layers are normalised (Ball et al. 2023). embed_actions: whether each critic embeds the
     action before it joins it to the observation: 3 numbers among 1000 leave little trace. images: options of
     Stable-Baselines3's base class for observations that are images."""

@@ -13,9 +13,7 @@ import mpm
 
 class SB3VecEnv(VecEnv):
     """A Gymnasium vector environment for Stable-Baselines3.
-
     `SB3VecEnv(gymnasium.make_vec("robosim:robosim/SpoonPour-v0", num_envs=8))`
-
     mode: the environment's autoreset mode, which only a subclass that starts episodes itself has another one of. Raises
     mpm.InvalidValue for an environment that does not reset in the same step (AutoresetMode.SAME_STEP), as robosim's do.
     """

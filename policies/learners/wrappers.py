@@ -21,7 +21,6 @@ INITIAL_NOISE = 0.2
 
 class ScaledObservation(gymnasium.ObservationWrapper):
     """Flat observations of a sub-task in units of the task.
-
     Positions relative to the goal in decimetres, velocities in units of the tool's top speed, time from -1 to 1. Parts
     of other kinds are left unchanged. grains_as_one: whether the columns of n grains are divided by sqrt(n)."""
 

@@ -14,21 +14,12 @@ class ConfigError(RobosimError, ValueError):
     """A configuration that cannot be used."""
 
 
-RENAMED = {"learned": "recorded"}
-"""Value of an earlier version -> the one that replaces it; errors name it."""
-
-
-def say_renamed(given: object) -> str:
-    """Return the end of a message about a value that now has another name; empty where it has not."""
-    return f"; {given!r} is now called {RENAMED[given]!r}" if isinstance(given, str) and given in RENAMED else ""
-
-
 class UnknownName(ConfigError):
     """A name that is not in the list of accepted names."""
 
     def __init__(self, what: str, given: object, valid: Iterable[str], also: str = "") -> None:
         self.given, self.valid = given, sorted(valid)
-        super().__init__(say_unknown(what, given, self.valid, also) + say_renamed(given))
+        super().__init__(say_unknown(what, given, self.valid, also))
 
 
 class UnreachableWaypoint(ConfigError):

@@ -12,7 +12,6 @@ SUMS = ("torque", "external", "wrist")
 
 class ArmSampler:
     """Takes a sample after each step: the means over an action, and joint angles and speeds at its end.
-
     torque: of the joints' sensors [N m] (n,). external: torques [N m] (n,) that the controller estimates from them.
     wrist: force [N] and torque [N m] (6,) of the wrist sensor in its own axes. The scene needs the sensors that
     `robosim.robot.assembly` adds."""

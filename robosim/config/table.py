@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from mpm.errors import say_meant
 from mpm.files import quote
 from mpm.geometry.rigid_motion import Pose
-from robosim.base.errors import ConfigError, say_renamed
+from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_text
 from robosim.base.resources import locate_paths
 from robosim.config.bounds import Angle, Coordinate, Name, Text
@@ -22,12 +22,6 @@ from robosim.config.settings import Setting, parse_yaml, with_settings
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
 """Along x, y and z."""
 Kind = TypeVar("Kind", bound="Table")
-RENAMED = {
-    "RehearsalConfig": {"collision_thickness": "tool_wall", "learned": "recorded"},
-    "TaskConfig": {"container": "containers", "container_place": "containers.NAME", "receiver": "containers.receiver"},
-    "StartConfig": {"pile": "pile"}, "DosingConfig": {"reward": "reward"},
-}
-"""Class -> key of an earlier version -> the key that replaces it, from the file's top; errors name it."""
 SHOWN = 10
 """Errors of a file that are described; a list of 10 000 wrong values has as many."""
 
@@ -111,15 +105,12 @@ def list_errors(error: pydantic.ValidationError, data: Any, line: Callable[[Any]
 
 
 def describe(error: Any, kind: type[Any]) -> str:
-    """Describe one of pydantic's errors: key, value, reason; of an unknown key the new name, or the keys that exist."""
+    """Describe one of pydantic's errors: key, value, reason; of an unknown key the keys that exist."""
     place, table, meaning = ".".join(str(part) for part in error["loc"]), kind, ""
     for part in error["loc"]:
         meaning = getattr(table.model_fields.get(part), "description", meaning) or ""
         table = _child(table, part)
     if error["type"] == "extra_forbidden":
-        renamed = RENAMED.get(table.__name__, {}).get(str(error["loc"][-1]))
-        if renamed is not None:
-            return f"key {place!r} is now called {renamed!r}; rename it"
         meant = say_meant(error["loc"][-1], table.model_fields)
         return f"unknown key {place!r}; valid: {', '.join(table.model_fields)}{meant}"
     if error["type"] == "value_error":
@@ -129,7 +120,7 @@ def describe(error: Any, kind: type[Any]) -> str:
         given, (most, *_) = error["input"], error["ctx"].values()
         is_large = isinstance(given, int | float) and abs(most) < abs(given) < 1e6 and given * most > 0
         value += f"; it is in metres{f'; did you mean {given:g} mm, {given / 1e3:g}?' if is_large else ''}"
-    return f"{place or 'file'}: {error['msg']}{value}{say_renamed(error['input'])}"
+    return f"{place or 'file'}: {error['msg']}{value}"
 
 
 def _located(error: Any, kind: type[Table], path: Path, settings: Sequence[Setting]) -> str:

@@ -28,7 +28,6 @@ BatchStep = tuple[list[Any], np.ndarray, np.ndarray, np.ndarray, list[Info], lis
 
 class GrainBatch:
     """n environments that step together, with one field and one launch for all; each behaves as it would alone.
-
     The results are the same bit by bit after `mpm.init(fast_math=False)`, otherwise up to rounding, because the two
     kernels may sum in different orders. options: as of `GrainEnv`, which also has an arm and pictures. autoreset_mode:
     whether an environment that ended starts again in the same step, in the next one, or when `reset` says so."""

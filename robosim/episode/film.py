@@ -58,8 +58,7 @@ EPISODE = FilmStyle(height=480)
 def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = None) -> Path:
     """Draw the film of a run, its folder or one of its recordings; return its file.
     folder: None for that of the recordings. A rehearsal has a sheet of frames beside its film. Raises ConfigError for
-    what cannot be drawn, UnknownName for the camera, RenderingUnavailable, and FilmFailed, as for a full disk.
-    """
+    what cannot be drawn, UnknownName for the camera, RenderingUnavailable, and FilmFailed, as for a full disk."""
     style, paths = style or FilmStyle(), find_recordings(run)
     with contextlib.ExitStack() as stack:
         recordings = [stack.enter_context(Recording(path)) for path in paths]

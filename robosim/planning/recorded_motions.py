@@ -123,8 +123,7 @@ def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
     try:
         stored = read_arrays(path)
         actions = np.atleast_1d(stored.numbers("actions"))
-        # until release 0.1 action_repeat was called hold
-        repeat = stored.integer("action_repeat" if "action_repeat" in stored else "hold", None, 1, task.steps)
+        repeat = stored.integer("action_repeat", None, 1, task.steps)
         count = -(-task.steps // repeat)
         if "poured" in task.reward:
             count = stored.integer("needed", count, 1, count)

@@ -25,9 +25,7 @@ LEVEL = 3
 
 class RecordingWriter:
     """Appends frames to a recording.
-
     Until `close` it is called `path`.part, which can be read as far as it was written, also after a crash.
-
     shapes: body -> .glb file. paths: name -> positions (n, 3) [m]. appearance: of `pack_appearance`; without it no film
     can be drawn."""
 

@@ -171,7 +171,6 @@ class RehearsalRun:
 
     def step(self, index: int) -> None:
         """Simulate one host step.
-
         1. Ask the driver for the joints' command; command the fingers.
         2. Step the cell: robot and grains together.
         3. Record the step; every few steps the grains too."""

@@ -1,9 +1,7 @@
 """Choice of the OpenGL library that MuJoCo loads, before its import, and the answer where it cannot be loaded."""
 
-import ctypes
 import os
 import sys
-import traceback
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
@@ -26,6 +24,8 @@ class NamesMissingGraphics:
             try:
                 load(module)
             except (AttributeError, ImportError, RuntimeError) as error:
+                import traceback
+
                 places = [frame.filename for frame in traceback.extract_tb(error.__traceback__)]
                 if not any(place.endswith("gl_context.py") for place in places):
                     raise
@@ -42,6 +42,8 @@ def choose_graphics() -> None:
     ConfigError then."""
     sys.meta_path.insert(0, NamesMissingGraphics())
     if "MUJOCO_GL" not in os.environ:
+        import ctypes  # here, so that `import robosim` is light where the user chose
+
         try:
             for library in ("libEGL.so.1", "libGL.so.1"):
                 ctypes.CDLL(library)

@@ -24,7 +24,6 @@ PICTURE_WIDTH = 640
 
 class Mp4Writer:
     """Writes frames to an H.264 film in yuv420p, which every player opens.
-
     Until close() the film has a temporary name; one that cannot be finished is removed. Raises ValueError for frames of
     another size or an odd one, OSError for a full disk. keyframes: frames from one key frame to the next; None:
     KEYFRAME_SECONDS of them."""

@@ -17,7 +17,7 @@ LAYOUT = {"template": "plotly_white", "font": {"family": "system-ui, sans-serif"
 """Of all figures."""
 CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
 MOST_POINTS = 1500
-"""Points of a curve; longer ones are means over equal parts, with the extremes of each part kept."""
+"""Points of a curve; of a longer one the least and the largest of each of half as many equal parts are drawn."""
 ROW_HEIGHT, TOP, MARKED_TOP = 180, 40, 90
 """Height of a chart, and of what is above all charts, without and with names of marks [pixels]."""
 

@@ -135,9 +135,7 @@ def place_site(spec: mujoco.MjSpec, name: str, own: Pose, what: str) -> list[Any
     site = next((site for site in spec.sites if site.name == name), None)
     body = site.parent if site is not None else next((b for b in spec.bodies if b.name == name), None)
     if body is None:
-        names = [*(f"site {s.name}" for s in spec.sites if s.name),
-                 *(f"body {b.name}" for b in spec.bodies if b.name and b.name != "world")]
-        raise UnknownName(what, name, names)
+        raise UnknownName(what, name, {one.name for one in [*spec.sites, *spec.bodies]} - {"", "world"})
     if site is None:
         body.add_site(BARE.default, name=name, group=4)
     compiled = spec.copy().compile().site(name)

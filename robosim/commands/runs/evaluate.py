@@ -4,11 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names, part_names, trained
 from robosim.commands.arguments import one_of, refuse
 from robosim.envs import BUNDLED, is_task_file, task_name
-from robosim.studies.evaluation import NETWORKS, POLICIES, SUITES
+from robosim.studies.evaluation import NETWORKS, POLICIES, SUITES, check_policy
 
 EXAMPLE = """examples:
   robosim evaluate SpoonPour --policy scripted --out out/pour
@@ -97,9 +97,3 @@ def find_network(name: str, task: str) -> str:
 def with_network(name: str) -> list[str]:
     """Return the sub-tasks that a policy of a name of NETWORKS is bundled for."""
     return [task for task in config_names("tasks") if name in NETWORKS and trained(task, NETWORKS[name])]
-
-
-def check_policy(name: str) -> None:
-    """Raise UnknownName unless a policy is a name or a file."""
-    if name not in POLICIES and not Path(name).is_file():
-        raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions` or a network")

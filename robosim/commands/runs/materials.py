@@ -5,9 +5,8 @@ from contextlib import ExitStack
 from typing import Any
 
 from robosim.commands.arguments import one_of
-from robosim.commands.runs.evaluate import check_policy
 from robosim.envs import TASKS, is_task_file
-from robosim.studies.evaluation import POLICIES
+from robosim.studies.evaluation import POLICIES, check_policy
 
 EXAMPLE = """example:
   robosim materials SpoonTranslate ShovelMove --jobs 2 --out out/materials"""

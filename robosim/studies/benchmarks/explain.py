@@ -137,7 +137,7 @@ def write_page(scene: str, own: dict[str, Any], rows: list[dict[str, Any]] | Non
     page.add_heading("Seconds per simulated second")
     page.add_table(["part", "seconds"], own["costs"].items())
     page.add_heading("Field, over the motion")
-    page.add_table(["stretch", "from [s]", "grains awake", "active blocks", "substeps a step", "ms a step",
+    page.add_table(["stretch", "from [s]", "grains awake", "active blocks", "substeps an advance", "ms an advance",
                     "ns a grain awake and substep"], [list(row.values()) for row in own["profile"][:-1]])
     page.add_text(format_profile(own["profile"])[-1])
     page.add_heading("Readings")

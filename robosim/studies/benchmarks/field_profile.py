@@ -1,6 +1,5 @@
 """Run time of the field over a scene's motion: grains awake, active blocks, and what each costs."""
 
-import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,27 +15,24 @@ LEAST_CALLS = 10
 
 
 class FieldProfile:
-    """Times every `solver.advance` from now on; from time to time it counts what was computed."""
+    """Records the time of every advance; from time to time it counts what was computed."""
 
     def __init__(self, solver: mpm.Solver) -> None:
-        self._solver, self._inner = solver, solver.advance
+        self._solver, self._steps = solver, solver.steps
         self._rows: list[tuple[float, float, int, int, int]] = []
         """After each advance: simulated time [s], processor time [s], substeps, grains awake, active blocks."""
         self._counted: tuple[int, int] = 0, 0
-        solver.advance = self._advance
 
-    def _advance(self, *arguments: Any, **options: Any) -> Any:
-        solver, before, begin = self._solver, self._solver.steps, time.process_time()
-        result = self._inner(*arguments, **options)
-        seconds = time.process_time() - begin
+    def record(self, seconds: float) -> None:
+        """Add a row after an advance that took so much processor time [s]."""
+        solver = self._solver
         if len(self._rows) % SAMPLED == 0:
             self._counted = int(np.count_nonzero(solver.awake)), int(solver.fields.grid.count.to_numpy())
-        self._rows.append((solver.time, seconds, solver.steps - before, *self._counted))
-        return result
+        self._rows.append((solver.time, seconds, solver.steps - self._steps, *self._counted))
+        self._steps = solver.steps
 
     def summarize(self, begins: Mapping[str, float]) -> list[dict[str, Any]]:
         """Return a row for each stretch of the motion, and last one with the costs that fit all of them best.
-
         begins: stretch -> simulated time [s] of its begin, in order. ns: a grain awake and substep, for all that the
         field does. The fit is run time a substep = a + b grains + c blocks, by least squares, none below 0."""
         times, seconds, substeps, awake, blocks = np.array(self._rows).T
@@ -59,7 +55,7 @@ def format_profile(rows: list[dict[str, Any]]) -> list[str]:
     *stretches, fit = rows
     head = f"  {'from':>7} {'stretch':12} {'awake':>7} {'blocks':>7} {'substeps':>9} {'ms':>7} {'ns':>6}"
     return [
-        "field, a step (ns: a grain awake and substep):", head,
+        "field, an advance (ns: a grain awake and substep):", head,
         *(f"  {row['begin_s']:5.2f} s {row['stretch']:12.12} {row['awake']:7.0f} {row['blocks']:7.0f} "
           f"{row['substeps']:9.1f} {row['ms']:7.3f} {row['ns']:6.0f}" for row in stretches),
         f"  least squares: {fit['grain_ns']:.0f} ns a grain + {1e-3 * fit['block_ns']:.2f} us a block + "

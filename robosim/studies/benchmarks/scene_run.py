@@ -3,6 +3,7 @@
 import math
 import time
 from collections import defaultdict
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,24 +101,25 @@ class Stopwatch:
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)
         """Name -> wall time [s]."""
-        self._inside: list[list[Any]] = []
+        self._inside: list[float] = []
+        """Of each call that runs: wall time [s] of the calls within it."""
 
-    def wrap(self, owner: Any, method: str, name: str) -> None:
-        """Wrap `owner.method`, so that its time is added to `seconds[name]`."""
+    def wrap(self, owner: Any, method: str, name: str, after: Callable[[float], None] = lambda seconds: None) -> None:
+        """Wrap `owner.method`, so that its time is added to `seconds[name]`.
+        after: called with each call's processor time [s]; no name's time contains its own."""
         inner = getattr(owner, method)
 
         def timed(*arguments: Any, **options: Any) -> Any:
-            frame = [name, 0.0]
-            self._inside.append(frame)
-            begin = time.perf_counter()
+            self._inside.append(0.0)
+            begin, processor_begin = time.perf_counter(), time.process_time()
             try:
                 return inner(*arguments, **options)
             finally:
-                taken = time.perf_counter() - begin
-                self._inside.pop()
-                self.seconds[name] += taken - frame[1]
+                processor, taken = time.process_time() - processor_begin, time.perf_counter() - begin
+                self.seconds[name] += taken - self._inside.pop()
+                after(processor)
                 if self._inside:
-                    self._inside[-1][1] += taken
+                    self._inside[-1] += time.perf_counter() - begin
 
         setattr(owner, method, timed)
 
@@ -154,7 +156,7 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     observation, _ = env.reset(options={"nominal": True})
     env.solver.compile()
     profile, stopwatch = FieldProfile(env.solver), Stopwatch()
-    stopwatch.wrap(env.solver, "advance", "field")
+    stopwatch.wrap(env.solver, "advance", "field", profile.record)
     stopwatch.wrap(env.reward, "step", "reward")
     stopwatch.wrap(env.world.observer, "read", "observation")
     policy, impulses, begin = ScriptedPolicy(env), [], time.perf_counter()
@@ -183,7 +185,7 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     run = RehearsalRun(plan_motion(config), material=material)
     run.solver.compile()
     profile, stopwatch = FieldProfile(run.solver), Stopwatch()
-    stopwatch.wrap(run.solver, "advance", "field")
+    stopwatch.wrap(run.solver, "advance", "field", profile.record)
     stopwatch.wrap(run.cell.plugin, "step", "coupling, with MuJoCo's step")
     stopwatch.wrap(run.cell.servo, "compute_torque", "servo")
     run.run(lambda: None)

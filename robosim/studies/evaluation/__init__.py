@@ -3,6 +3,9 @@
 Imports: base, cell, config, dosing, envs, episode, planning, randomization, recordings, rehearsal, reports, rewards,
 robot, scene, senses, shapes, tasks, viewer, mpm."""
 
+from pathlib import Path
+
+from robosim.base.errors import UnknownName
 from robosim.dosing import CONTROLLERS
 
 KNOWING = "knowing"
@@ -14,3 +17,9 @@ NETWORKS = {"network": "networks", "student": "students"}
 does, a student what a robot senses."""
 SUITES = ("nominal", "wide", "materials", "hard")
 """Starts and materials that policies are scored from, see `robosim.studies.evaluation.suites`."""
+
+
+def check_policy(name: str) -> None:
+    """Raise UnknownName unless a policy is a name or a file."""
+    if name not in POLICIES and not Path(name).is_file():
+        raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions` or a network")

@@ -52,7 +52,6 @@ def check_dosing(task: TaskConfig, name: str) -> tuple[DosingConfig, VibrationCo
 
 class ToolView:
     """What of an environment's observations and actions is a dosing tool's: its lip, its tilt, its vibration.
-
     The balance is tared at the first look. The tilt is continuous from look to look, also beyond 180 deg. Raises
     ConfigError for an environment that does not observe TERMS, or whose task has no dose, no vibration or no receiver.
     """
@@ -101,7 +100,6 @@ class ToolView:
 
 class DosingPolicy:
     """A controller at work in an environment that observes TERMS.
-
     numbers: in place of those that the task names. Raises ConfigError for an environment that `ToolView` refuses, for
     numbers whose vibration is beyond the task's, and as `check_numbers`."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mpm.array_files import MAX_ARRAYS
 from robosim.base.digests import digest
-from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError
 from robosim.base.files import write_rows
 from robosim.base.input_files import read_bytes
 from robosim.base.jobs import Launcher
@@ -20,7 +20,7 @@ from robosim.envs import is_task_file, make, task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import Transition, play
 from robosim.randomization.materials import MATERIALS
-from robosim.studies.evaluation import POLICIES
+from robosim.studies.evaluation import POLICIES, check_policy
 from robosim.studies.evaluation.dosing_policy import numbers_of
 from robosim.studies.evaluation.page import make_materials_page
 from robosim.studies.evaluation.policies import bundled_motion, load_policy, make_policy, training_options
@@ -36,14 +36,13 @@ Rows = dict[str, dict[str, Any]]
 def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int = 1,
               launcher: Launcher | None = None) -> int:
     """Run a policy's motion of every task in all materials, and write tables and a page into a folder.
-
     Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes, here;
     launcher: runs the episodes elsewhere. Returns 0, or 1 where a process failed; the same command then continues.
     Raises UnknownName for a task that does not exist, ConfigError for a motion that does not fit."""
     tasks = list(dict.fromkeys(tasks))
     for task in tasks:
         is_task_file(task)  # raises for a task that does not exist
-        check_policy(task, name)
+        check_motion(task, name)
     if len({task_name(task) for task in tasks}) < len(tasks):
         raise ConfigError(f"tasks {', '.join(tasks)}: two have the same name; accepted: files of different names")
     work = [Job("robosim.studies.evaluation.materials:play_in_material",
@@ -65,7 +64,7 @@ def materials(tasks: list[str], out: Path, *, name: str = "recorded", jobs: int 
     return int(bool(folder.failures))
 
 
-def check_policy(task: str, name: str) -> None:
+def check_motion(task: str, name: str) -> None:
     """Raise UnknownName for a policy that does not exist, ConfigError for one that does not fit a task.
     ConfigError, too, for a dosing task: it delivers a mass and no share of the grains."""
     if load_task(task).dose is not None:
@@ -77,8 +76,7 @@ def check_policy(task: str, name: str) -> None:
         if name in CONTROLLERS:
             numbers_of(load_task(task), f"policy {name!r}")
         return
-    if not Path(name).is_file():
-        raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with `actions`, or with a network")
+    check_policy(name)
     stored, dimensions = load_policy(Path(name)), load_task(task).action.size
     layers = [key for key in stored if key.startswith("bias_")]
     shape = stored["actions"].shape[-1:] if "actions" in stored else stored[layers[-1]].shape if layers else ()

@@ -39,7 +39,6 @@ STARTS = {"from_settled_start": "its own start", "from_previous": "what was left
 def run_chain(name: str, out: Path, *, material: str | None = None, motions: Path | None = None,
               film: bool = True) -> int:
     """Replay a rehearsal's recorded motions in sequence.
-
     Writes chain.json and chain.mp4 into `out`. motions: folder with TASK.npz files; None: the bundled motions. Returns
     0, or 1 where the chain broke: the field diverged, or too little was left in a tool. Raises ConfigError before any
     work."""

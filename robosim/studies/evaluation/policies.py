@@ -10,7 +10,7 @@ import numpy as np
 import mpm
 from mpm.array_files import StoredArrays, read_arrays
 from mpm.files import quote
-from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError
 from robosim.base.input_files import differing_entries
 from robosim.base.resources import trained
 from robosim.dosing import CONTROLLERS
@@ -18,7 +18,7 @@ from robosim.envs.grain_env import GrainEnv
 from robosim.senses.perception import Layout, observation_options
 from robosim.senses.senses import valid_terms
 from robosim.senses.term import SenseScene
-from robosim.studies.evaluation import KNOWING, POLICIES
+from robosim.studies.evaluation import KNOWING, check_policy
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
 from robosim.tasks.actions import follow, move_pose, rest_action
 from robosim.tasks.task import TaskConfig
@@ -49,10 +49,9 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
     if name == "recorded":
         bundled = bundled_motion(env.TASK)
         return ReplayPolicy(bundled, load_policy(bundled), env)
-    if Path(name).is_file():
-        arrays = load_policy(Path(name))
-        return (NetworkPolicy if "weight_0" in arrays else ReplayPolicy)(Path(name), arrays, env)
-    raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions`, or with a network")
+    check_policy(name)
+    arrays = load_policy(Path(name))
+    return (NetworkPolicy if "weight_0" in arrays else ReplayPolicy)(Path(name), arrays, env)
 
 
 def bundled_motion(task: str) -> Path:
@@ -82,10 +81,8 @@ def training_options(name: str) -> dict[str, Any]:
 def load_policy(path: Path) -> StoredArrays:
     """Load the arrays of a policy's .npz file; raises ConfigError for one that cannot be read or used."""
     try:
-        stored = read_arrays(path)
-        stored.check_finite()
-        # until release 0.1 action_repeat was called hold
-        arrays = StoredArrays(path, {"action_repeat" if key == "hold" else key: array for key, array in stored.items()})
+        arrays = read_arrays(path)
+        arrays.check_finite()
         arrays.integer("action_repeat", 1, 1, MAX_REPEAT)
         for name in ("task", "obs", "bound", "expert"):
             arrays.text(name, "")
@@ -125,7 +122,6 @@ def check_task(name: str, task: TaskConfig, changed: Collection[str] = (), arm: 
 
 class ScriptedPolicy:
     """Follows the waypoints of the task's script from where the tool is; what is commanded and not yet done counts.
-
     knows: whether they are displaced with the target, which no sensor has to find: a reference, and an expert. closing:
     as of `robosim.tasks.actions.follow`; with one the path begins at the task's own start, which the tool approaches,
     where the script alone is at its first waypoint in time, however fast."""
@@ -149,7 +145,6 @@ class ScriptedPolicy:
 
 class ReplayPolicy:
     """Recorded actions, one after the other, and zeros after the last.
-
     A file may state the steps that each action is meant for, as `action_repeat`; the environment's must divide it.
     Raises ConfigError for actions of another shape, task or action_repeat."""
 
@@ -178,7 +173,6 @@ class ReplayPolicy:
 
 class Network:
     """A learned network: layers W x + b, each followed by the function that `activations` names.
-
     `bound` names how the last layer is kept within -1 and 1; units of observations are part of the first layer. Raises
     ConfigError, mpm.InvalidValue for arrays that are no network."""
 
@@ -213,7 +207,6 @@ class Network:
 
 class NetworkPolicy:
     """A learned network in the environment that it fits.
-
     With `residual` it corrects the `expert`, the script that knows, by at most that share of the action range. Raises
     ConfigError, mpm.InvalidValue for a network that does not fit."""
 

@@ -35,8 +35,6 @@ WRONG = {
     "a task": (["evaluate", "SpoonPuor"], "unknown task 'SpoonPuor'; valid: BottlePickPour"),
     "no suite": (["evaluate", "SpoonPour", "--alone"], "--alone without --suite; accepted: with one"),
     "a policy": (["evaluate", "SpoonPour", "--policy", "best"], "unknown policy 'best'; valid: knowing"),
-    "a policy of a former name": (["evaluate", "SpoonPour", "--policy", "learned"], "; 'learned' is now called 'recor"),
-    "a path of a former name": (["rehearse", "spoon", "--trajectory", "learned", "--out", "x"], "is now called 'recor"),
     "a scene": (["explain", "SpoonPuor"], "unknown scene 'SpoonPuor'; valid: .*spoon"),
     "a case": (["report", "vortx", "--out", "x"], "unknown case 'vortx'; valid: .*vortex"),
     "an axis": (["stability", "curant", "--out", "x"], "unknown axis 'curant'; valid: .*courant"),

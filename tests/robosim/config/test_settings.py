@@ -4,7 +4,6 @@ import pytest
 from bundled import rehearsal
 
 from robosim.base.errors import ConfigError
-from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import Setting, read_setting, with_settings
 from robosim.tasks.task import load_task
 
@@ -57,14 +56,3 @@ def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> N
         rehearsal("spoon", text)
 
 
-@pytest.mark.parametrize(("name", "text", "message"), [
-    ("spoon", "collision_thickness=0.002", "--set collision_thickness: key 'collision_thickness' is now called 'tool_"),
-    ("spoon", "learned=[SpoonPour]", "--set learned: key 'learned' is now called 'recorded'; rename it"),
-    ("spoon", "trajectory=learned", "'script' or 'recorded' .given: 'learned'.; 'learned' is now called 'recorded'"),
-    ("SpoonScoop", "container=source", "key 'container' is now called 'containers'; rename it"),
-    ("SpoonScoop", "container_place.yaw_deg=90", "key 'container_place' is now called 'containers.NAME'; rename it"),
-    ("DoseSpoon", "receiver.radius=0.04", "key 'receiver' is now called 'containers.receiver'; rename it"),
-    ("ShovelMove", "start.pile=null", "key 'start.pile' is now called 'pile'; rename it")])
-def test_a_renamed_key_is_named_with_its_new_name(name: str, text: str, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        (load_rehearsal if name == "spoon" else load_task)(name, settings=[read_setting(text)])

@@ -178,7 +178,7 @@ def test_hands_are_files(tmp_path: Path) -> None:
     hand = load_hand(str(path))
     assert hand is not None and hand.base == "base"
     assert assemble("spoon", "iiwa14", str(path)).wrist == HAND_PREFIX + "base"
-    for old, new, error, message in (("grip: g", "grip: h", UnknownName, "grip 'h'; valid: body base, .*, site g"),
+    for old, new, error, message in (("grip: g", "grip: h", UnknownName, "grip 'h'; valid: base, g, .*"),
                                      ("open: {a", "open: {b", ConfigError, "accepted: the same actuators"),
                                      ("{a: 0.1}", "{c: 0.1}", ConfigError, "accepted: the same actuators")):
         path.write_text(text.replace(old, new))

@@ -232,7 +232,6 @@ def test_an_action_of_eight_numbers() -> None:
     ({"dose__target_g": [15, 2]}, r"target_g = \(15.0, 2.0\) g; accepted: the lowest and then the highest mass"),
     ({"dose__target_g": []}, r"dose.target_g.0: Field required"), ({"dose__target_g": [0.5, 2]}, r"within 1 to 60 g"),
     ({"dose__target_g": [5, float("nan")]}, r"dose.target_g.1"), ({"tool_wall": "shells"}, r"tool_wall"),
-    ({"dose__reward": {"error": 1}}, r"key 'dose.reward' is now called 'reward'; rename it"),
     ({"reward": {"errors": 1}}, r"reward: unknown term 'errors'; valid: error, time, spill, distance, lost, "),
     ({"reward": {"error": -1}}, r"task.yaml: reward.error: Input should be greater"),
     ({"reward": {"error": {"weight": -1}}}, r"reward.error.weight: Input should be greater"),

@@ -36,7 +36,6 @@ def each_within(tolerances: dict[str, float], where: dict[str, Any] | None = Non
 @dataclass(frozen=True)
 class Order(Expectation):
     """An error falls at least with this power of the resolution between two runs.
-
     resolution: name of the choice that sets it, whether it grows ("cells") or shrinks ("cell") with refinement. ends:
     its values in the coarse and in the fine run."""
 

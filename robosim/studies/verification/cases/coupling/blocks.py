@@ -81,7 +81,6 @@ def block_at_rest(*, bed: str = "elastic", coupling: Coupling = "mobility", cell
 def build_bed(kind: str, size: tuple[float, float, float], cell: float, *, headroom: float,
               gravity: tuple[float, float, float] = (0.0, 0.0, -G), precision: str = "f32") -> mpm.Solver:
     """Build a bed that sticks to its walls, on which light bodies lie and slide.
-
     kind: "sand" or "elastic", which bears a body but not itself; size, cell, headroom above the bed [m]."""
     length, width, top = size
     positions, elastic = mpm.sample_box((0.0, 0.0, 0.0), size, cell / 2), kind == "elastic"
