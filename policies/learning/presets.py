@@ -87,11 +87,9 @@ class Critics(Table):
     subset: int = Field(2, ge=1, le=100)
     """Critics, drawn for each update, whose minimum is the target; the actor follows the mean of all."""
 
-    @pydantic.model_validator(mode="after")
-    def _check(self) -> "Critics":
+    def check(self) -> None:
         if self.subset > self.count:
             raise ValueError(f"subset {self.subset} of {self.count} critics; accepted: up to {self.count}")
-        return self
 
 
 class GraphSizes(Table):
@@ -187,8 +185,7 @@ class Preset(Table):
                 raise ValueError(f"more than {MAX_OPTIONS} values")
         return options
 
-    @pydantic.model_validator(mode="after")
-    def _check(self) -> "Preset":
+    def check(self) -> None:
         if self.encoder is not None and self.obs not in ("flat", "all"):
             raise ValueError(f"encoder {self.encoder} with obs {self.obs}; accepted: flat or all, which "
                              f"contain positions and velocities")
@@ -218,7 +215,6 @@ class Preset(Table):
         for name, value in (("correction_cost", self.correction_cost), ("expert", self.expert)):
             if value and self.residual is None:
                 raise ValueError(f"{name} {value} without residual; accepted: with one, or none")
-        return self
 
 
 def load_preset(name: str, settings: Sequence[Setting] = ()) -> Preset:

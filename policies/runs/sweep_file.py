@@ -72,12 +72,10 @@ class SweepFile(Table):
     out: Path
     """Runs are written to out/task/method/seed_k, or out/task/name/seed_k for an entry."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_count(self) -> "SweepFile":
+    def check(self) -> None:
         count = len(self.tasks) * len(self.methods) * len(self.seeds)
         if count > MAX_RUNS:
             raise ValueError(f"tasks, methods and seeds make {count} runs; accepted: up to {MAX_RUNS}")
-        return self
 
 
 class SweepRun(NamedTuple):

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from robosim.config.bounds import FilePath, JointValue, Mass, Name, Text
 from robosim.config.table import Placement, Table
@@ -59,13 +59,11 @@ class ArmServo(Table):
     damping_ratio: Annotated[float, Field(ge=0.05, le=10.0)] | None = None
     """Of a joint's error, to its bandwidth; null: 1, no overshoot."""
 
-    @model_validator(mode="after")
-    def _check_kind(self) -> "ArmServo":
+    def check(self) -> None:
         given = [key for key in type(self).model_fields if getattr(self, key) is not None]
         if given not in (["stiffness", "damping"], ["bandwidth"], ["damping_ratio"], ["bandwidth", "damping_ratio"]):
             raise ValueError(f"{' with '.join(given) or 'no key'}; accepted: stiffness with damping, or bandwidth, "
                              f"damping_ratio or both")
-        return self
 
 
 class ArmConfig(Table):
@@ -117,9 +115,7 @@ class GripperConfig(Table):
     """Largest command beyond the fingers' present place, as a share of the way from open to closed; for actuators
     whose limits allow too much force. null: the actuators' limits are the bound."""
 
-    @model_validator(mode="after")
-    def _check_commands(self) -> "GripperConfig":
+    def check(self) -> None:
         if set(self.open) != set(self.closed):
             raise ValueError(f"open has commands for {', '.join(sorted(self.open))}, closed for "
                              f"{', '.join(sorted(self.closed))}; accepted: the same actuators")
-        return self

@@ -2,8 +2,6 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-import pydantic
-
 import mpm
 from mpm.materials.material import Material as Law
 from robosim.base.errors import ConfigError, UnknownName
@@ -27,14 +25,6 @@ class MaterialConfig(Table):
 
     LAW: ClassVar[str]
     """Name of the law in `mpm`."""
-
-    @pydantic.model_validator(mode="after")
-    def _check(self) -> "MaterialConfig":
-        self.check()
-        return self
-
-    def check(self) -> None:
-        """Raise ValueError for numbers that do not go together."""
 
     def make_law(self) -> Law:
         """Return the law of the material."""

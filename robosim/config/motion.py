@@ -2,7 +2,6 @@
 
 from typing import Annotated, Literal
 
-import pydantic
 from pydantic import Field
 
 from robosim.config.arm import StepwiseLimits
@@ -27,11 +26,9 @@ class JointTrajectoryConfig(Table):
     joint_names: Annotated[dict[Name, Name], Field(max_length=MAX_ENTRIES)] = {}  # noqa: RUF012
     """Names by the model's joint names, instead of a prefix; a joint that is left out keeps its name."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_names(self) -> "JointTrajectoryConfig":
+    def check(self) -> None:
         if self.joint_prefix and self.joint_names:
             raise ValueError(f"joint_prefix = {self.joint_prefix!r} with joint_names; accepted: one of the two")
-        return self
 
 
 class BalanceConfig(Table):

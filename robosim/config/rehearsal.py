@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-import pydantic
 from pydantic import Field
 
 from mpm.errors import say_unknown
@@ -120,8 +119,8 @@ class RehearsalConfig(SceneConfig):
     motions: bounds.FilePath | None = None
     """Folder with a motion of each sub-task as TASK.npz; null: the bundled motions."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_material(self) -> "RehearsalConfig":
+    def check(self) -> None:
+        super().check()
         filled = [c.fill_height > 0 for c in self.containers.values()]
         givers = any(filled) + (self.pile is not None) + (self.tool_fill_height is not None)
         if givers != 1:
@@ -137,10 +136,15 @@ class RehearsalConfig(SceneConfig):
             raise ValueError("weigh_at: missing; a tool that is filled is weighed at a waypoint with a dwell")
         if self.trajectory == "recorded" and not self.recorded:
             raise ValueError("trajectory: recorded needs `recorded`, a list of sub-tasks")
-        return self
+        if self.pick is not None and (self.grasp != "friction" or self.trajectory != "script"):
+            raise ValueError(f"pick with grasp: {self.grasp}, trajectory: {self.trajectory}; accepted: friction, "
+                             f"script")
+        if self.pick is not None and self.gripper == "none":
+            raise ValueError("pick with gripper: none; accepted: a gripper")
+        self._check_path()
+        self._check_dose()
 
-    @pydantic.model_validator(mode="after")
-    def _check_names(self) -> "RehearsalConfig":
+    def _check_path(self) -> None:
         names = [w.name for w in self.waypoints]
         if len(set(names)) != len(names):
             raise ValueError(f"waypoints: names repeat: {sorted({n for n in names if names.count(n) > 1})}")
@@ -164,7 +168,6 @@ class RehearsalConfig(SceneConfig):
                              f"{self.host_dt / self.field.dt:.4f} times; accepted: a whole number")
         if not self.waypoints[0].stop or not self.waypoints[-1].stop:
             raise ValueError("waypoints: the first and the last need stop: true")
-        return self
 
     def tool_pose(self, waypoint: WaypointConfig) -> Pose:
         """Return the world pose of the tool's frame at a waypoint."""
@@ -186,10 +189,9 @@ class RehearsalConfig(SceneConfig):
         at = self.dose.at
         return at if isinstance(at, str) else self.waypoints[at].name
 
-    @pydantic.model_validator(mode="after")
-    def _check_dose(self) -> "RehearsalConfig":
+    def _check_dose(self) -> None:
         if self.dose is None:
-            return self
+            return
         names, at = [w.name for w in self.waypoints], self.dose.at
         if at not in names and not (isinstance(at, int) and 0 < at < len(names) - 1):
             also = f"or a number of 1 to {len(names) - 2}"
@@ -209,16 +211,6 @@ class RehearsalConfig(SceneConfig):
         cup = self.dose.cup
         if (cup is None and len(self.sinks) > 1) or (cup is not None and cup not in self.sinks):
             raise ValueError(f"dose.cup = {cup}; accepted: one of the empty containers {', '.join(self.sinks)}")
-        return self
-
-    @pydantic.model_validator(mode="after")
-    def _check_pick(self) -> "RehearsalConfig":
-        if self.pick is not None and (self.grasp != "friction" or self.trajectory != "script"):
-            raise ValueError(f"pick with grasp: {self.grasp}, trajectory: {self.trajectory}; accepted: friction, "
-                             f"script")
-        if self.pick is not None and self.gripper == "none":
-            raise ValueError("pick with gripper: none; accepted: a gripper")
-        return self
 
 
 def load_rehearsal(name: str, overrides: dict | None = None, settings: Sequence[Setting] = ()) -> RehearsalConfig:

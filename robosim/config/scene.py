@@ -3,7 +3,6 @@
 from typing import Annotated, Literal
 
 import numpy as np
-import pydantic
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
@@ -57,8 +56,7 @@ class ContainerConfig(Table):
     thickness: bounds.Length | None = None
     """Thickness [m] of the wall whose middle the mesh is; null: the mesh is closed."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_shape(self) -> "ContainerConfig":
+    def check(self) -> None:
         if (self.radius is None) != (self.height is None):
             raise ValueError(f"radius = {self.radius}, height = {self.height}; accepted: both, or none of them")
         given = [name for name in ("model", "size", "radius", "mesh") if getattr(self, name) is not None]
@@ -66,7 +64,6 @@ class ContainerConfig(Table):
             raise ValueError(f"{' and '.join(given)} are given; accepted: one of model, size, radius with height, mesh")
         if self.mesh is None and (self.scale != 1.0 or self.thickness is not None):
             raise ValueError("scale or thickness without a mesh; accepted: wall, for a container from sizes")
-        return self
 
     @property
     def pose(self) -> mpm.Pose:
@@ -129,16 +126,14 @@ class FieldConfig(Table):
             raise ConfigError("field.region_lower, region_upper: missing; accepted: the corners of the region")
         return mpm.Grid(self.region_lower, self.region_upper, self.cell)
 
-    @pydantic.model_validator(mode="after")
-    def _check_size(self) -> "FieldConfig":
+    def check(self) -> None:
         if (self.region_lower is None) != (self.region_upper is None):
             raise ValueError(f"region_lower = {self.region_lower}, region_upper = {self.region_upper}; accepted: both, "
                              f"or none of them")
         if self.region_lower is None:
-            return self
+            return
         nodes = int(np.prod(self.grid.shape, dtype=float))
         if nodes > bounds.MAX_NODES:
             raise ValueError(f"region_lower {self.region_lower} to region_upper {self.region_upper} m with cell = "
                              f"{self.cell} m: {nodes:.3g} grid nodes; accepted: up to {bounds.MAX_NODES:.3g}; make the "
                              f"region smaller, or the cell larger")
-        return self

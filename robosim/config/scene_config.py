@@ -2,7 +2,6 @@
 
 from typing import Annotated, ClassVar, Literal
 
-import pydantic
 from pydantic import Field
 
 from mpm.errors import say_unknown
@@ -75,8 +74,7 @@ class SceneConfig(Table):
         """Name of the tool's body."""
         return name_tool(self.tool)
 
-    @pydantic.model_validator(mode="after")
-    def _check_containers(self) -> "SceneConfig":
+    def check(self) -> None:
         """Refuse a container that is not known, and one with the tool's name."""
         names = sorted(path.stem for path in (folder("models") / "containers").glob("*.xml"))
         for name, container in self.containers.items():
@@ -85,4 +83,3 @@ class SceneConfig(Table):
                 raise ValueError(f"containers: {say_unknown('model', container.model or name, names, also)}")
         if self.tool_name in self.containers:
             raise ValueError(f"containers: {self.tool_name!r} is the tool's name; accepted: another")
-        return self

@@ -31,6 +31,14 @@ class Table(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> "Table":
+        self.check()
+        return self
+
+    def check(self) -> None:
+        """Raise ValueError for keys that do not go together."""
+
 
 class Placement(Table):
     """A pose in the world, or in another frame."""

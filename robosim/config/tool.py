@@ -46,13 +46,11 @@ class HandleConfig(Table):
     density: Density | None = None
     """Instead of mass [kg/m^3]."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_mesh(self) -> "HandleConfig":
+    def check(self) -> None:
         given = [name for name in ("mass", "density") if getattr(self, name) is not None]
         if len(given) != (self.mesh is not None):
             raise ValueError(f"handle: mesh = {self.mesh}, mass = {self.mass}, density = {self.density}; accepted: a "
                              f"mesh with one of the two, or none of the three")
-        return self
 
 
 class HolesConfig(Table):
@@ -65,11 +63,9 @@ class HolesConfig(Table):
     diameter: Length
     """[m]"""
 
-    @pydantic.model_validator(mode="after")
-    def _check_axis(self) -> "HolesConfig":
+    def check(self) -> None:
         if not any(self.axis):
             raise ValueError(f"axis = {self.axis}; accepted: the direction in which the holes let grains out")
-        return self
 
 
 class ToolConfig(Table):
@@ -109,19 +105,13 @@ class ToolConfig(Table):
     colour: Colour = STEEL
     """Red, green and blue."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_mass(self) -> "ToolConfig":
+    def check(self) -> None:
         if (self.mass is None) == (self.density is None):
             raise ValueError(f"mass = {self.mass}, density = {self.density}; accepted: one of the two")
-        return self
-
-    @pydantic.model_validator(mode="after")
-    def _check_wall(self) -> "ToolConfig":
         given = [key for key, value in (("inner_face", self.inner_face), ("holes", self.holes),
                                         ("thicken: normals", self.thicken == "normals")) if value]
         if given and self.thickness is None:
             raise ValueError(f"{' and '.join(given)} without thickness; accepted: the thickness of the wall in metres")
-        return self
 
     @property
     def is_closed(self) -> bool:

@@ -2,7 +2,6 @@
 
 from typing import Annotated
 
-import pydantic
 from pydantic import Field
 
 from robosim.base.errors import ConfigError
@@ -155,13 +154,11 @@ class DosingNumbers(Table):
     shaker: ShakerNumbers = ShakerNumbers()
     """Numbers of the controller shaker."""
 
-    @pydantic.model_validator(mode="after")
-    def _check(self) -> "DosingNumbers":
+    def check(self) -> None:
         for name in PI_RATES:
             if getattr(self.pi, name) > self.motion.fast_deg:
                 raise ValueError(f"pi.{name} = {getattr(self.pi, name)} with motion.fast_deg = {self.motion.fast_deg} "
                                  f"deg/s; accepted: up to it")
-        return self
 
 
 def load_dosing(name: str) -> DosingNumbers:

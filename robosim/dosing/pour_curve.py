@@ -4,7 +4,6 @@ from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-import pydantic
 from pydantic import Field
 
 from robosim.config.bounds import FilePath, Text
@@ -34,8 +33,7 @@ class PourCurve(Table):
     source: Text
     """Command that measured it, or where it is from."""
 
-    @pydantic.model_validator(mode="after")
-    def _check(self) -> "PourCurve":
+    def check(self) -> None:
         if len(self.tilts_deg) != len(self.masses):
             raise ValueError(f"{len(self.tilts_deg)} tilts_deg and {len(self.masses)} masses; accepted: as many")
         if any(b <= a for a, b in pairwise(self.tilts_deg)):
@@ -48,7 +46,6 @@ class PourCurve(Table):
         if self.masses[-1] - self.masses[0] < FIRST_SHARE * self.load:
             raise ValueError(f"masses: {(self.masses[-1] - self.masses[0]) * 1e3:.2f} g are poured in all; accepted: "
                              f"from {FIRST_SHARE * self.load * 1e3:.2f} g, {FIRST_SHARE:.0%} of the load")
-        return self
 
     @property
     def begin(self) -> float:

@@ -41,12 +41,10 @@ class GrainsConfig(Table):
     elites: Count | None = None
     """Number of grains closest to the goal that the reward counts, for scooping; null: the observed grains count."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_counts(self) -> "GrainsConfig":
+    def check(self) -> None:
         for name, number in (("observe_every", self.observe_every), ("elites", self.elites or 1)):
             if number > self.count:
                 raise ValueError(f"{name} = {number}; accepted: up to count = {self.count}")
-        return self
 
     @property
     def counted(self) -> int:
@@ -87,11 +85,9 @@ class VibrationConfig(Table):
     axis: Axis = "x"
     """Axis of the tool's frame along which it vibrates; x of the bundled tools points to the tip."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_range(self) -> "VibrationConfig":
+    def check(self) -> None:
         if self.frequency[0] > self.frequency[1]:
             raise ValueError(f"frequency = {self.frequency} Hz; accepted: the lowest and then the highest")
-        return self
 
 
 class ActionConfig(Table):
@@ -156,10 +152,8 @@ class DosingConfig(Table):
     controllers: FilePath | None = None
     """Name of the controllers' numbers in configs/dosing, or the path of a .yaml file; null: none."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_range(self) -> "DosingConfig":
+    def check(self) -> None:
         low, high = self.target_g
         if not LEAST_DOSE <= low <= high <= LARGEST_DOSE:
             raise ValueError(f"target_g = {self.target_g} g; accepted: the lowest and then the highest mass, within "
                              f"{LEAST_DOSE:g} to {LARGEST_DOSE:g} g")
-        return self

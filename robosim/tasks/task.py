@@ -169,8 +169,7 @@ class TaskConfig(SceneConfig):
             given["reward"] = DOSE
         return dict.fromkeys(("target", "bounds", "reward")) | given | regions
 
-    @pydantic.model_validator(mode="after")
-    def _check_reward(self) -> "TaskConfig":
+    def _check_reward(self) -> None:
         """Refuse terms that do not fit the task, or each other, and a criterion of success that does not."""
         reward, success = self.reward, self.success
         lacks = [name for name in ("distance", "target") if self.dose is None and name not in reward]
@@ -190,10 +189,8 @@ class TaskConfig(SceneConfig):
                              f"{reward['lost'].model_dump()}; accepted: one of them, for grains that leave the bounds")
         if success is not None and success.turn_error_deg is not None and "turn" not in reward:
             raise ValueError(f"success.turn_error_deg = {success.turn_error_deg} without reward.turn; accepted: null")
-        return self
 
-    @pydantic.model_validator(mode="after")
-    def _check_dosing(self) -> "TaskConfig":
+    def _check_dosing(self) -> None:
         """Refuse what does not fit a dose, a receiver or a vibration."""
         vibration, dose = self.action.vibration, self.dose
         if vibration is not None and vibration.frequency[1] * self.step_dt * SAMPLES_PER_PERIOD > 1.0 + 1e-9:
@@ -211,7 +208,7 @@ class TaskConfig(SceneConfig):
                 raise ValueError(f"containers.{name}: empty; accepted: an upright container of size, radius with "
                                  f"height, or model, its sides along x and y")
         if dose is None:
-            return self
+            return
         if not self.containers:
             raise ValueError("dose without containers; accepted: an empty one to pour into, or a filled one to scoop "
                              "from")
@@ -219,10 +216,11 @@ class TaskConfig(SceneConfig):
             raise ValueError(f"dose with grains.observe_every = {self.grains.observe_every}, grains.elites = "
                              f"{self.grains.elites}, action.dimensions = {self.action.dimensions}; accepted: 1, null "
                              f"and 6, as every grain has a mass and the tool turns")
-        return self
 
-    @pydantic.model_validator(mode="after")
-    def _check(self) -> "TaskConfig":
+    def check(self) -> None:
+        super().check()
+        self._check_reward()
+        self._check_dosing()
         if self.tool_fill_height is not None:
             raise ValueError("tool_fill_height: accepted in a rehearsal; here grains.count says how full the tool is")
         if self.steps * self.step_dt > MAX_TIME:
@@ -241,7 +239,6 @@ class TaskConfig(SceneConfig):
         low, high = np.array(self.action.lower), np.array(self.action.upper)
         if np.any(np.array(self.start.position) < low) or np.any(np.array(self.start.position) > high):
             raise ValueError(f"start.position {self.start.position} lies outside action.lower .. action.upper")
-        return self
 
 
 def is_task(scene: str) -> bool:

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-import pydantic
 from pydantic import Field
 
 from mpm.files import quote
@@ -132,12 +131,10 @@ class ShearExperiment(Experiment):
     noise: StressNoise
     """Standard deviation of a shear stress [Pa]."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_lengths(self) -> "ShearExperiment":
+    def check(self) -> None:
         if len(self.normal_stress) != len(self.shear_stress):
             raise ValueError(f"{len(self.normal_stress)} values of normal_stress, {len(self.shear_stress)} of "
                              f"shear_stress; accepted: one for each")
-        return self
 
 
 class CupExperiment(Experiment):
