@@ -1,5 +1,6 @@
 """The solver: bodies, colliders and walls on one grid, advanced by explicit MLS-MPM."""
 
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from mpm.materials.material import Material
 from mpm.observers import diagnostics
 from mpm.observers.diagnostics import Diagnostics, Energy
 from mpm.observers.reading_kernels import Sample
-from mpm.observers.readings import Momentum, received
+from mpm.observers.readings import Momentum, Readings, received
 from mpm.observers.region_counter import Counts, RegionCounter
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
@@ -19,13 +20,11 @@ from mpm.scene.scene import DOWN, Numerics, Scene, check_colliders
 from mpm.scene.validation import check_finite
 from mpm.scene.walls import Walls
 from mpm.scene.warnings import warn_of_colliders, warn_of_scene
-from mpm.state.fields import Fields
-from mpm.state.particles import ParticleFields
 from mpm.stepping.core import Core
 from mpm.time_loop import TimeLoop
 
 
-class Solver:
+class Solver(Readings, AbstractContextManager["Solver"]):
     """Explicit MLS-MPM solver of one scene: grid, bodies, colliders and walls.
 
     - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
@@ -38,8 +37,7 @@ class Solver:
       substep. "strides": 6.5 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
     - sleep: whether particles at rest sleep and cost nothing; a number: a factor on `mpm.stepping.sleep_thresholds`.
 
-    The last five are the fields of `numerics`. `readings` has further readings, `settings` further numbers that can be
-    set."""
+    The last five are the fields of `numerics`. `settings` has further numbers that can be set."""
 
     def __init__(self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
                  gravity: tuple[float, float, float] = DOWN, walls: Walls | None = None,
@@ -55,21 +53,12 @@ class Solver:
     def _build(self, scene: Scene) -> None:
         """Make the parts of the solver, and the kernels that read its fields."""
         self.core = core = Core(scene, self.numerics, self._has_accelerations)
+        super().__init__(core.tenure, scene, core.progress)
         self.grid, self.bodies, self.colliders, self.walls = scene.grid, scene.bodies, scene.colliders, scene.walls
         self.features, self.paths, self.mobility = core.features, core.paths, core.mobility
         self.readings, self.settings, self.rollback = core.readings, core.settings, core.rollback
-        self.precision, self.sleep, self._progress = core.precision, core.sleep, core.progress
+        self.precision, self.sleep = core.precision, core.sleep
         self.loop = TimeLoop(core)
-
-    @property
-    def fields(self) -> Fields:
-        """All run-time fields; raises InvalidValue once the solver is closed."""
-        return self.core.fields
-
-    @property
-    def particles(self) -> ParticleFields:
-        """Fields of the particles; raises InvalidValue once the solver is closed."""
-        return self.core.fields.particles
 
     @property
     def counter(self) -> RegionCounter | None:
@@ -94,22 +83,22 @@ class Solver:
     @property
     def time(self) -> float:
         """Time [s] since the start."""
-        return self._progress.time
+        return self.progress.time
 
     @property
     def steps(self) -> int:
         """Substeps since the start."""
-        return self._progress.steps
+        return self.progress.steps
 
     @property
     def substep(self) -> float:
         """Length [s] of the last substep."""
-        return self._progress.substep
+        return self.progress.substep
 
     @property
     def gravity(self) -> np.ndarray:
         """Gravity [m/s^2] (3,)."""
-        return self.core.scene.gravity
+        return self.scene.gravity
 
     # scene -----------------------------------------------------------------------------------------------------------
     def set_colliders(self, colliders: list[Collider]) -> None:
@@ -118,7 +107,7 @@ class Solver:
             raise InvalidValue("set_colliders: the scene is fixed by the first advance or an attached counter; "
                                "accepted: colliders that are set before")
         check_colliders(colliders)
-        before, scene = self.state(), self.core.scene
+        before, scene = self.state(), self.scene
         self.close()
         scene.colliders[:] = colliders
         warn_of_colliders(scene)
@@ -244,71 +233,27 @@ class Solver:
         Also called at the end of a `with` block, and when the last reference is gone."""
         self.core.tenure.close()
 
-    def __enter__(self) -> "Solver":
-        return self
-
     def __exit__(self, *error: object) -> None:
         self.close()
 
     # readings --------------------------------------------------------------------------------------------------------
-    def positions(self) -> np.ndarray:
-        """Return positions [m], shape (n_particles, 3), float64, in the order of the bodies."""
-        return self.readings.positions()
-
-    def velocities(self) -> np.ndarray:
-        """Return velocities [m/s], shape (n_particles, 3), float64."""
-        return self.readings.velocities()
-
-    def masses(self) -> np.ndarray:
-        """Return masses [kg], shape (n_particles,)."""
-        return self.readings.masses()
-
-    def densities(self) -> np.ndarray:
-        """Return the mass over the present volume [kg/m^3] of each particle, shape (n_particles,)."""
-        return self.readings.densities()
-
-    def stresses(self) -> np.ndarray:
-        """Return Cauchy stresses [Pa], shape (n_particles, 3, 3), symmetric, tension positive."""
-        return self.readings.stresses()
-
-    @property
-    def awake(self) -> np.ndarray:
-        """Which particles are awake, (n_particles,); all without sleeping."""
-        return self.readings.awake
-
-    @property
-    def ledger(self) -> np.ndarray:
-        """Impulses on the particles in the last advance: gravity, walls, colliders; (linear, angular), (rows, 6).
-        Angular ones are about the world's origin."""
-        return self.readings.ledger
-
-    def wall_impulse(self, side: str, about: np.ndarray | None = None) -> Wrench:
-        """Return the impulse [N s], [N m s] that a wall received in the last advance.
-        side: "x-", "x+", "y-", "y+", "z-" or "z+". about: point [m] (3,), or None: the world's origin. Raises
-        UnknownName for another side."""
-        return self.readings.wall_impulse(side, about)
-
     def clearance(self, index: int, pose: Pose | None = None) -> float:
         """Return a lower bound [m] of the distance of the nearest particle from a collider, at a pose or where it is.
         See `Readings.clearance`."""
-        return self.readings.clearance(index, self.paths.pose(index) if pose is None else check_pose("clearance", pose))
-
-    def passed_mass(self, index: int) -> np.ndarray:
-        """Return the mass [kg] that each orifice of a collider has let through, (n_holes,), in their order."""
-        return self.readings.passed_mass(index)
+        return super().clearance(index, self.paths.pose(index) if pose is None else check_pose("clearance", pose))
 
     def momentum(self) -> Momentum:
         """Return the momentum of all particles, summed in float64."""
-        return diagnostics.compute_momentum(self.readings)
+        return diagnostics.compute_momentum(self)
 
     def energy(self) -> Energy:
         """Return the energy of all particles, summed in float64; the elastic part is each law's own."""
-        return diagnostics.compute_energy(self.readings)
+        return diagnostics.compute_energy(self)
 
     def diagnostics(self) -> Diagnostics:
         """Return mass, momentum, energy, CFL number, and the numbers of escaped and non-finite particles."""
-        return diagnostics.compute_diagnostics(self.readings)
+        return diagnostics.compute_diagnostics(self)
 
     def momentum_after_advance(self) -> Momentum:
         """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""
-        return diagnostics.momentum_after_advance(self.readings)
+        return diagnostics.momentum_after_advance(self)

@@ -6,7 +6,6 @@ import numpy as np
 
 from mpm.backend import is_shared, once, put, ti
 from mpm.geometry.rigid_motion import Pose
-from mpm.geometry.shell import SHELL_FACE
 from mpm.materials.material import PARAMETERS
 from mpm.materials.stress_update import current_stress
 from mpm.materials.symmetric_tensor import FULL
@@ -14,15 +13,6 @@ from mpm.observers.counter_kernel import pose_of
 from mpm.state.fields import Fields
 from mpm.state.packs import LANES
 from mpm.state.particles import ParticleFields
-from mpm.state.sleepers import AHEAD
-
-STENCIL = 1.5 * 3**0.5  # cells from a particle to the farthest node that it gives mass to
-
-
-def reach_of(fields: Fields) -> float:
-    """Return the distance [m] of particles from a collider beyond which neither knows of the other in a substep.
-    Contact acts at nodes up to `SHELL_FACE` cells from a surface; what sleeps wakes `AHEAD` of it."""
-    return (STENCIL + SHELL_FACE + (AHEAD if fields.features.sleep else 0.0)) * fields.cell
 
 
 @ti.data_oriented
@@ -120,9 +110,7 @@ class Sample:
     chosen: indices (n,)."""
 
     def __init__(self, solver: Any, chosen: np.ndarray) -> None:
-        readings = solver.readings
-        self.tenure, particles, count = readings.tenure, readings.particles, len(chosen)
-        origin = readings.fields.origin
+        self.tenure, particles, count, origin = solver.tenure, solver.particles, len(chosen), solver.fields.origin
         self.kernel: SampleKernel = self.tenure.assembly.take(("sample", count),
                                                               lambda: SampleKernel(particles, count, origin))
         put(self.kernel.slots, particles.index[chosen].astype(np.int32))

@@ -9,13 +9,16 @@ from mpm.backend import default_precision
 from mpm.backend.assembly import Tenure
 from mpm.errors import InvalidValue, UnknownName
 from mpm.geometry.rigid_motion import Pose, Wrench
+from mpm.geometry.shell import SHELL_FACE
 from mpm.materials.stress_update import LEAST_RATIO
-from mpm.observers.reading_kernels import ClearanceKernel, StressReader, reach_of
+from mpm.observers.reading_kernels import ClearanceKernel, StressReader
 from mpm.scene.body import Body
 from mpm.scene.scene import Scene
 from mpm.state.fields import Fields
 from mpm.state.particles import ParticleFields
+from mpm.state.sleepers import AHEAD
 
+STENCIL = 1.5 * 3**0.5  # cells from a particle to the farthest node that it gives mass to
 SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")  # names of the six walls, in the order of folding
 
 
@@ -122,8 +125,9 @@ class Readings:
 
     @property
     def contact_reach(self) -> float:
-        """Clearance [m] beyond which a collider changes nothing that particles do within a substep."""
-        return reach_of(self.fields)
+        """Clearance [m] beyond which a collider changes nothing that particles do within a substep.
+        Contact acts at nodes up to `SHELL_FACE` cells from a surface; what sleeps wakes `AHEAD` of it."""
+        return (STENCIL + SHELL_FACE + (AHEAD if self.fields.features.sleep else 0.0)) * self.fields.cell
 
     @property
     def ledger(self) -> np.ndarray:

@@ -88,8 +88,8 @@ class RegionCounter:
 
     def __init__(self, solver: Any, counted: np.ndarray, **counting: Any) -> None:
         given = Counting(**counting)
-        fields = solver.readings.fields
-        self._solver, self.tenure, self.particles = solver, solver.readings.tenure, fields.particles
+        fields = solver.fields
+        self._solver, self.tenure, self.particles = solver, solver.tenure, fields.particles
         self.index, self.per_particle = given.index, given.per_particle
         roles = np.zeros(self.particles.n_lanes, np.int8)
         roles[self.particles.index[counted]] = COUNTED
