@@ -12,21 +12,32 @@ from mpm.geometry.shape import Shape, digest, sign
 
 
 @ti.func
+def trilinear(s: ti.template(), f, y):
+    """Return the distance at a place f (3,), in spacings, of a lattice's cell near y (3,), and its slope by f.
+    s: the distances at the cell's eight corners."""
+    z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
+    y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
+    y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
+    slope = 0.0 * y
+    slope[0] = y1 - y0
+    slope[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
+    low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
+    high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
+    slope[2] = (1 - f[0]) * low + f[0] * high
+    return y0 + f[0] * (y1 - y0), slope
+
+
+@ti.func
 def trilinear_back(s: ti.template(), f, y, normal_bar, phi_bar, least: ti.template()):
     """Return the adjoint, times a spacing, of y (3,) in a cell of a lattice: of the distance there and of its normal.
-    s: the distances at the cell's eight corners. f (3,): the place in it, in spacings. least: difference [m] of the
-    distance over a spacing below which the normal is another one, which is taken to be constant."""
+    s, f: as of `trilinear`. least: difference [m] of the distance over a spacing below which the normal is another one,
+    which is taken to be constant."""
     x = [[once(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
     xy = [once(x[1][k] - x[0][k]) for k in range(2)]
     xz = [once(x[j][1] - x[j][0]) for j in range(2)]
     yz = [once(s[i][1][1] - s[i][1][0] - s[i][0][1] + s[i][0][0]) for i in range(2)]
     mixed = ti.Vector([xy[0] + f[2] * (xy[1] - xy[0]), xz[0] + f[1] * (xz[1] - xz[0]), yz[0] + f[0] * (yz[1] - yz[0])])
-    slope = 0.0 * y
-    slope[0] = (1 - f[1]) * (x[0][0] + f[2] * xz[0]) + f[1] * (x[1][0] + f[2] * xz[1])
-    low, high = s[0][1][0] - s[0][0][0], s[1][1][0] - s[1][0][0]
-    slope[1] = (1 - f[0]) * (low + f[2] * yz[0]) + f[0] * (high + f[2] * yz[1])
-    low, high = s[0][0][1] - s[0][0][0], s[1][0][1] - s[1][0][0]
-    slope[2] = (1 - f[0]) * (low + f[1] * yz[0]) + f[0] * (high + f[1] * yz[1])
+    _, slope = trilinear(s, f, y)
     length = slope.norm(1e-12)
     slope_bar = (normal_bar - slope * (slope.dot(normal_bar) / (length * length))) / length
     if length < least:
@@ -82,17 +93,8 @@ class Lattice(Sampled):
     @ti.func
     def at(self, y):
         s, f, away = self.cell_at(y)
-        z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
-        y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
-        y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
-        phi = y0 + f[0] * (y1 - y0) + away.norm() * self.spacing
-        n = 0.0 * y
-        n[0] = y1 - y0
-        n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
-        low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
-        high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
-        n[2] = (1 - f[0]) * low + f[0] * high
-        return n / n.norm(1e-12), phi
+        phi, slope = trilinear(s, f, y)
+        return slope / slope.norm(1e-12), phi + away.norm() * self.spacing
 
     @ti.func
     def is_beyond(self, y, reach):

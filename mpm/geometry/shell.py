@@ -10,7 +10,7 @@ from mpm.backend import once, put, ti
 from mpm.errors import InvalidValue
 from mpm.geometry.distance_cache import kept_lattice
 from mpm.geometry.mesh_distance import passage_width, sheet_distances
-from mpm.geometry.sampled_sdf import trilinear_back
+from mpm.geometry.sampled_sdf import trilinear, trilinear_back
 from mpm.geometry.sdf import MAX_LATTICE
 from mpm.geometry.shape import Shape, digest
 
@@ -124,15 +124,7 @@ class Shell(Shape):
             f = u - c
             s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)]
                  for i in range(2)]
-            z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
-            y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
-            y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
-            phi = y0 + f[0] * (y1 - y0)
-            n[0] = y1 - y0
-            n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
-            low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
-            high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
-            n[2] = (1 - f[0]) * low + f[0] * high
+            phi, n = trilinear(s, f, y)
             nearest = ti.cast(u + 0.5, ti.i32)
             if n.norm() < ti.static(LEAST_SLOPE * self.spacing):
                 for d in ti.static(range(3)):
