@@ -63,7 +63,7 @@ class SB3VecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: int | Sequence[int] | None = None) -> list[Any]:
         """Return an attribute that all environments share, such as `render_mode`."""
-        return [getattr(self.vector, attr_name)] * len(self._selected(indices))
+        return [getattr(self.vector, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Sequence[int] | None = None) -> None:
         """Raise mpm.InvalidValue: environments of a batch have no attributes of their own."""
@@ -78,10 +78,8 @@ class SB3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper],
                        indices: int | Sequence[int] | None = None) -> list[bool]:
         """Return False for each: wrappers of Stable-Baselines3 (VecMonitor) wrap the whole batch."""
-        return [False] * len(self._selected(indices))
+        return [False for _ in self._get_indices(indices)]
 
-    def _selected(self, indices: int | Sequence[int] | None) -> list[int]:
-        return list(self._get_indices(indices))
 
 
 def select_info(infos: dict[str, Any], e: int) -> dict[str, Any]:

@@ -14,12 +14,14 @@ from robosim.episode.play import play
 def clone(training: Training) -> None:
     """Fit a policy by least squares, then play every episode of the run with it."""
     set_random_seed(training.seed)
+    policy = make_policy(training)
     if state := training.load_checkpoint():
-        policy = make_policy(training)
         policy.load_state_dict(state["policy"])
         training.resume(state)
     else:
-        policy = fit_policy(training)
+        transitions = list(training.demonstration_transitions())
+        update_policy(policy, [step.observation for step in transitions], [step.action for step in transitions],
+                      training.preset.options)
     policy.set_training_mode(False)
 
     def act(observation: Any) -> np.ndarray:
@@ -38,22 +40,13 @@ def make_policy(training: Training) -> ActorCriticPolicy:
                              lambda _: options["learning_rate"], net_arch=options["net_arch"])
 
 
-def fit_policy(training: Training) -> ActorCriticPolicy:
-    """Return a policy fitted to the demonstrations' transitions."""
-    transitions, options = list(training.demonstration_transitions()), training.preset.options
-    observations = torch.as_tensor(np.array([step.observation for step in transitions]))
-    actions = torch.as_tensor(np.array([step.action for step in transitions]))
-    policy = make_policy(training)
-    update_policy(policy, observations, actions, options)
-    return policy
-
-
-def update_policy(policy: ActorCriticPolicy, observations: torch.Tensor, actions: torch.Tensor,
+def update_policy(policy: ActorCriticPolicy, observations: list[np.ndarray], actions: list[np.ndarray],
                   options: dict[str, Any]) -> None:
-    """Fit a policy by least squares to actions (n, dimensions) in observations (n, ...); options: of the preset."""
+    """Fit a policy by least squares to actions (dimensions,) in as many observations; options: of the preset."""
+    seen, wanted = (torch.as_tensor(np.array(rows)) for rows in (observations, actions))
     for _ in range(options["updates"]):
-        batch = torch.randint(len(observations), (options["batch_size"],))
-        error = ((policy.get_distribution(observations[batch]).mode() - actions[batch]) ** 2).mean()
+        batch = torch.randint(len(seen), (options["batch_size"],))
+        error = ((policy.get_distribution(seen[batch]).mode() - wanted[batch]) ** 2).mean()
         policy.optimizer.zero_grad()
         error.backward()
         policy.optimizer.step()

@@ -47,7 +47,7 @@ def aggregate(training: Training) -> None:
         play(training.env, act)
         for group in policy.optimizer.param_groups:
             group["lr"] = options["learning_rate"] * (1.0 - 0.9 * training.env.count / training.preset.episodes)
-        update_policy(policy, torch.as_tensor(np.array(observations)), torch.as_tensor(np.array(actions)), options)
+        update_policy(policy, observations, actions, options)
         training.evaluate(policy)
         training.keep_checkpoint(policy=policy.state_dict(), optimizer=policy.optimizer.state_dict(),
                                  observations=np.array(observations), actions=np.array(actions))

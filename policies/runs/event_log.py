@@ -20,11 +20,11 @@ PENDING = ("name_to_value", "name_to_count", "name_to_excluded")
 
 class EventLog(KVWriter):
     """Writes the scalars of Stable-Baselines3's logger.
-    size: bytes of an earlier log that the run continues after; None: all of it."""
+    size: bytes of an earlier log that the run continues after."""
 
-    def __init__(self, path: Path, size: int | None) -> None:
+    def __init__(self, path: Path, size: int) -> None:
         self._path = path
-        if path.is_file() and size is not None and size < self._size:
+        if size < self._size:
             os.truncate(path, size)
         if not self._size:
             self._append(Event(wall_time=time.time(), file_version="brain.Event:2"))
@@ -38,12 +38,11 @@ class EventLog(KVWriter):
         return {"size": self._size, **{name: dict(getattr(logger, name)) for name in PENDING}}
 
     @classmethod
-    def resume(cls, path: Path, state: dict[str, Any] | None) -> Logger:
-        """Return the logger of a run that continues after a state; None: of a checkpoint of release 0.1."""
-        log = cls(path, state["size"] if state else None)
-        logger = Logger(str(path.parent), [log])
+    def resume(cls, path: Path, state: dict[str, Any]) -> Logger:
+        """Return the logger of a run that continues after a state."""
+        logger = Logger(str(path.parent), [cls(path, state["size"])])
         for name in PENDING:
-            getattr(logger, name).update((state or {}).get(name, {}))
+            getattr(logger, name).update(state[name])
         return logger
 
     def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:

@@ -105,7 +105,8 @@ class Pipeline:
 
     def _learn(self, task: str) -> bool:
         """Make a sub-task's demonstrations and train on them; return whether there is a recorded motion."""
-        o, folder, training = self.options, self._training_folder(task), f"training of {task}"
+        o, training = self.options, f"training of {task}"
+        folder = self.out / "learning" / f"{Path(o.method).stem}_{o.seed}" / task
         demos = self.out / "demonstrations" / task if self._needs_demonstrations else None
         if demos is not None and not self._run_stage(f"demonstrations of {task}", [
                 "demo", task, *to_words(out=demos, n=o.n, nominal=True, seed=o.seed, iterations=o.iterations),
@@ -121,9 +122,6 @@ class Pipeline:
             return False
         write(self.out / "motions" / f"{task}.npz", lambda path: shutil.copyfile(folder / "best.npz", path))
         return True
-
-    def _training_folder(self, task: str) -> Path:
-        return self.out / "learning" / f"{Path(self.options.method).stem}_{self.options.seed}" / task
 
     def _execute(self) -> bool:
         """Run the sub-tasks in sequence, and the whole arm, even if the sequence failed."""

@@ -65,6 +65,8 @@ class Training:
         """Decisions of an episode."""
         if self.decisions is None or not isinstance(self.base.action_space, gymnasium.spaces.Box):
             raise mpm.InvalidValue(f"task {task!r}: accepted: continuous actions and episodes of a fixed length")
+        self.dimensions: int = self.base.action_space.shape[0]
+        """Of an action."""
         self.task = getattr(raw, "TASK", "") or task  # as files name it, also where it was given as it is registered
         self.source = getattr(raw, "source", "") or self.task
         if self.n_envs > 1:
@@ -112,11 +114,6 @@ class Training:
         self.evaluations: Evaluations | None = None
         if self.is_granular:
             self.evaluations = Evaluations(evaluated, out, options.evaluate_every, self.reset_options, self.n_envs == 1)
-
-    @property
-    def dimensions(self) -> int:
-        """Dimensions of an action."""
-        return self.base.action_space.shape[0]
 
     @property
     def is_over(self) -> bool:
@@ -183,9 +180,6 @@ class Training:
         if not self.folder.checkpoint.is_file():
             return {}
         self.model, parts = checkpoint.load(self.folder.checkpoint, kind, env, self.options.trust)
-        if isinstance(parts.get("search"), bytes):
-            raise mpm.InvalidValue(f"{self.folder.checkpoint}: its search has the form of an earlier version; remove "
-                                   f"it to begin the run anew")
         return parts
 
     def save_checkpoint(self, **parts: Any) -> None:
@@ -242,7 +236,7 @@ class Training:
         if venv is None:
             venv = self.env if self.n_envs > 1 else DummyVecEnv([lambda: self.agent_env])
         if state := self.load_checkpoint(learner_class(self.preset), venv):
-            self.model.set_logger(EventLog.resume(self.folder.event_log, state.get("log")))
+            self.model.set_logger(EventLog.resume(self.folder.event_log, state["log"]))
             if callback is not None:
                 callback.load(state["callback"])
             self.resume(state)

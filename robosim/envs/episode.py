@@ -5,6 +5,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -117,7 +118,7 @@ class Copied:
 
     def __reduce__(self) -> tuple[Any, ...]:
         travelling = self._all_states(), self._spec, self.action_space, self.observation_space
-        return make_again, (type(self), *self._arguments), travelling
+        return partial(type(self), *self._arguments[0], **self._arguments[1]), (), travelling
 
     def __setstate__(self, state: Any) -> None:
         own, self._spec, self.action_space, self.observation_space = state
@@ -139,11 +140,6 @@ class Copied:
     def spec(self, spec: Any) -> None:
         """Set the specification, with the number of actions of an episode."""
         self._spec = None if spec is None else dataclasses.replace(spec, max_episode_steps=self.max_episode_steps)
-
-
-def make_again(kind: type, arguments: tuple[Any, ...], options: dict[str, Any]) -> Any:
-    """Make an environment from the arguments of another."""
-    return kind(*arguments, **options)
 
 
 class Episode:

@@ -63,6 +63,8 @@ class GrainEnv(Copied, gymnasium.Env):
         self.world.observer.build(SenseScene(self.task, self.material, self.solver, arm))
         self.member = Member(self.world, given, self.carrier, self.world.own_field)
         self.episode, self.actions = self.member.episode, self.member.actions
+        self.reward: Reward = self.episode.reward
+        """Reward and score of the running episode."""
         self.action_space, self.observation_space = self.actions.space, self.world.observer.space
         self.observation_slices = self.world.observer.slices
         self._picture, self._window, self._is_closed = None, None, False
@@ -71,11 +73,6 @@ class GrainEnv(Copied, gymnasium.Env):
     def observation(self) -> Any:
         """The last observation of `reset` or `step`."""
         return self.member.observation
-
-    @property
-    def reward(self) -> Reward:
-        """Reward and score of the running episode."""
-        return self.episode.reward
 
     @property
     def step_count(self) -> int:

@@ -129,7 +129,7 @@ def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
         write(path, lambda temporary: Image.fromarray(frame).save(temporary, format="PNG"))
 
 
-class Pictures:
+class Pictures(contextlib.AbstractContextManager["Pictures"]):
     """Pictures of the frames of a recording. Raises UnknownName, RenderingUnavailable."""
 
     def __init__(self, recording: Recording, style: FilmStyle) -> None:
@@ -164,9 +164,6 @@ class Pictures:
         scene = self._recording.scene(k)
         self._data.mocap_pos[:], self._data.mocap_quat[:] = scene.poses[:, :3], scene.poses[:, 3:]
         return self._renderer.begin(self._data, self._recording.grains(k).positions, self._camera(scene.time))
-
-    def __enter__(self) -> "Pictures":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._renderer.close()

@@ -39,7 +39,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-class LiveView:
+class LiveView(contextlib.AbstractContextManager["LiveView"]):
     """Records a scene while a program steps it, and serves its page from a process of its own.
     Call `update` after every step: it records a frame when one is due. The page follows, and plays what was recorded.
     tool: body whose path is drawn, and at which the force of `wrench` is. out: file that the recording is kept in,
@@ -69,9 +69,6 @@ class LiveView:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(10.0)
         self._files.close()
-
-    def __enter__(self) -> "LiveView":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -63,8 +63,7 @@ def compare_wrench(replay: RecordedMotion, readings: Readings, model: mujoco.MjM
 
 def turn(wrenches: np.ndarray, axes: np.ndarray) -> np.ndarray:
     """Turn forces and torques (n, 6) by matrices (n, 3, 3), or by one (1, 3, 3)."""
-    return np.einsum("nij,nkj->nki", np.broadcast_to(axes, (len(wrenches), 3, 3)),
-                     wrenches.reshape(-1, 2, 3)).reshape(-1, 6)
+    return (wrenches.reshape(-1, 2, 3) @ axes.transpose(0, 2, 1)).reshape(-1, 6)
 
 
 def sensor_axes(q: np.ndarray, model: mujoco.MjModel, arm_qpos: np.ndarray) -> np.ndarray:

@@ -34,14 +34,13 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
         page.add_text(f"In the hand the {config.tool_name} moved by at most {1e3 * figures['grasp_slip_m']:.2f} mm at "
                       f"its grip and tip, and turned by {figures['grasp_slip_deg']:.2f} deg.")
     film = folder / "rehearsal.mp4"
-    if film.is_file():
-        with Recording(folder / FILE) as recording:
-            still = read_frame(film, choose_moment(recording))
-        page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states", still)
-    page.add_heading("In 3-D")
     with Recording(folder / FILE) as recording:
         from robosim.viewer.server import embed_html
 
+        if film.is_file():
+            still = read_frame(film, choose_moment(recording))
+            page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states", still)
+        page.add_heading("In 3-D")
         page.add_scene(embed_html(recording), f"Turn with the mouse, scrub below. With colours, forces, regions and "
                        f"curves: robosim view {folder}")
         charts = make_charts(run, recording)

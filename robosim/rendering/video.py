@@ -22,7 +22,7 @@ PICTURE_WIDTH = 640
 """Width [pixels] of one picture on the sheet."""
 
 
-class Mp4Writer:
+class Mp4Writer(contextlib.AbstractContextManager["Mp4Writer"]):
     """Writes frames to an H.264 film in yuv420p, which every player opens.
     Until close() the film has a temporary name; one that cannot be finished is removed. Raises ValueError for frames of
     another size or an odd one, OSError for a full disk. keyframes: frames from one key frame to the next; None:
@@ -72,9 +72,6 @@ class Mp4Writer:
         with contextlib.suppress(OSError):  # of a full disk
             self._file.close()
         self._part.unlink(missing_ok=True)
-
-    def __enter__(self) -> "Mp4Writer":
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Finish the film; after an error remove it, because it is incomplete."""

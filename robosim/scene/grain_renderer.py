@@ -1,5 +1,7 @@
 """Pictures and films of a scene of one's own with its grains."""
 
+from contextlib import AbstractContextManager
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ BALL = 0.62
 SALT = (0.93, 0.93, 0.95)
 
 
-class GrainRenderer:
+class GrainRenderer(AbstractContextManager["GrainRenderer"]):
     """Draws a copy of a specification with the grains of a solver, which have a colour.
     width, height: of pictures, in pixels. Raises RenderingUnavailable where there is no OpenGL."""
 
@@ -40,9 +42,6 @@ class GrainRenderer:
     def close(self) -> None:
         """Free the OpenGL context."""
         self._renderer.close()
-
-    def __enter__(self) -> "GrainRenderer":
-        return self
 
     def __exit__(self, *error: object) -> None:
         self.close()

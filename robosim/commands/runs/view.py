@@ -42,9 +42,8 @@ def run(options: argparse.Namespace) -> int:
         if given or list(options.settings):
             raise ConfigError(f"{' '.join(given) or '--set'} with {options.what}: what was recorded does not change; "
                               f"accepted: with a rehearsal that is begun here")
-    else:
-        if options.what not in config_names("tasks"):
-            config_path("rehearsals", options.what, "run, recording, sub-task or rehearsal")
+    elif options.what not in config_names("tasks"):
+        config_path("rehearsals", options.what, "run, recording, sub-task or rehearsal")
     from robosim.rehearsal.browser.view import view
 
     return view(options.what, plan=options.plan, material=options.material, out=options.out, port=options.port,

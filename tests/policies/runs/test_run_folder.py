@@ -1,8 +1,6 @@
 """Run folders and their episodes."""
 
 from pathlib import Path
-from types import SimpleNamespace as Namespace
-from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,7 +10,6 @@ import mpm
 from policies.runs import checkpoint
 from policies.runs.episodes import Episode, Episodes
 from policies.runs.run_folder import RunFolder
-from policies.runs.training import Training
 
 MANIFEST = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f", "n_envs": 1}
 
@@ -53,13 +50,6 @@ def test_a_checkpoint_of_another_user_executes_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "is_file", lambda path: False)  # as for one of two processes that make the key at once
     monkeypatch.setattr("hmac.compare_digest", lambda *both: both[0] == both[1] and other.replace(path))
     assert checkpoint.load(path)[1]["mine"] == 1 and not (tmp_path / "executed").exists()
-
-
-def test_a_search_in_the_form_of_an_earlier_version_is_refused(tmp_path):
-    run: Any = Namespace(folder=Namespace(checkpoint=tmp_path / "a.zip"), options=Namespace(trust=True))
-    run.folder.checkpoint.write_bytes(checkpoint.pack(None, search=b"pickled"))
-    with pytest.raises(mpm.InvalidValue, match=r"a.zip: its search has the form of an earlier version; remove it"):
-        Training.load_checkpoint(run)
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path):
