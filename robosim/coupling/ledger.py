@@ -47,7 +47,7 @@ def write_sums(solver: mpm.Solver, before: Momentum, out: np.ndarray) -> None:
     after = solver.momentum_after_advance()
     out[0, :3], out[0, 3:] = after.linear - before.linear, after.angular - before.angular
     out[1:-1] = solver.ledger
-    out[-1, :3], out[-1, 3:] = solver.readings.sleepers_impulse
+    out[-1, :3], out[-1, 3:] = solver.sleepers_impulse
 
 
 def balance(sums: np.ndarray, bodies: dict[str, int]) -> Ledger:

@@ -27,7 +27,7 @@ class Reach:
         self._trial, self._solver, self._bodies, self._park = trial, solver, bodies, park
         indices = [bodies.colliders[name] for name in bodies.dynamic]
         self._radii = np.array([solver.colliders[index].sdf.radius for index in indices])
-        self._needed = solver.readings.contact_reach + SPARE * solver.grid.cell
+        self._needed = solver.contact_reach + SPARE * solver.grid.cell
         self._renewal = RENEWAL * solver.grid.cell
         self.restart()
 
@@ -52,7 +52,7 @@ class Reach:
             return True
         if solver.counter is not None and any(solver.counter.index == self._bodies.colliders[name] for name in names):
             return False  # its readings are in the frame of a body
-        self._travel += self._trial.model.opt.timestep * solver.readings.fastest
+        self._travel += self._trial.model.opt.timestep * solver.fastest
         poses = self._bodies.dynamic_poses()
         if self._may_have_changed(poses):
             self._measure(poses)

@@ -37,7 +37,7 @@ def test_absent_features_take_no_memory() -> None:
     assert solver.fields.mobile_nodes is None and solver.features.mobile == ()
     assert solver.particles.side is None and solver.particles.acceleration == [] and solver.fields.grid.layers == 1
     assert {"e", "rest", "orifices"}.isdisjoint(solver.state())
-    assert solver.awake.all() and not np.any(np.concatenate(solver.readings.sleepers_impulse))
+    assert solver.awake.all() and not np.any(np.concatenate(solver.sleepers_impulse))
     assert "settle with sleepers" not in [phase.name for phase in phases_of(solver.fields)]
     sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
     body = mpm.Body(sand, positions, volume=8e-6)

@@ -39,7 +39,7 @@ def settle(solver: mpm.Solver, share: float = 0.02, within: float = 4.0) -> None
 def unbalanced(solver: mpm.Solver, before: np.ndarray) -> np.ndarray:
     """What the last advance's change of momentum (6,) lacks in the ledger, of the largest entry of the ledger."""
     change = np.concatenate(solver.momentum_after_advance()) - before
-    given = solver.ledger.sum(0) + np.concatenate(solver.readings.sleepers_impulse)
+    given = solver.ledger.sum(0) + np.concatenate(solver.sleepers_impulse)
     return np.abs(change - given) / np.abs(solver.ledger).max()
 
 

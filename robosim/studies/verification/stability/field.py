@@ -39,7 +39,7 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
         except mpm.SimulationDiverged as error:
             return str(error), readings
         rows = solver.ledger[:, :3]
-        impulse += rows.sum(0) + solver.readings.sleepers_impulse.force
+        impulse += rows.sum(0) + solver.sleepers_impulse.force
         exchanged += np.abs(rows).sum()
         x, momentum = solver.positions(), solver.momentum().linear
         least, stretched = cell.check_stretches(solver)

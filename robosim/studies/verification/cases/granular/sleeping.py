@@ -32,7 +32,7 @@ class Watch:
         before = np.concatenate(self.solver.momentum_after_advance())
         self.timed.advance(duration)
         change = np.concatenate(self.solver.momentum_after_advance()) - before
-        given = self.solver.ledger.sum(0) + np.concatenate(self.solver.readings.sleepers_impulse)
+        given = self.solver.ledger.sum(0) + np.concatenate(self.solver.sleepers_impulse)
         self.lacking = max(self.lacking, float(np.abs(change - given).max()))
         self.exchanged = max(self.exchanged, float(np.abs(self.solver.ledger).max()))
         self.shares.append(float(self.solver.awake.mean()))
