@@ -61,6 +61,12 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
             I = node_of(fields.grid.active[n], step.thread)
             mass = update_node(fields, step, places, axes, I, touches, gravity, origin)
             lever = mass * ti.cast(I - block, fields.real)
+        elif touches == 0:  # on its own: a short loop, which LLVM makes vectors of
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                for c in ti.static(range(BLOCK)):
+                    m = accelerate(fields, step, block + ti.Vector([a, b, c]), gravity)
+                    mass += m
+                    lever += m * ti.Vector([float(a), float(b), float(c)])
         else:
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 for c in range(BLOCK):
@@ -79,6 +85,16 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
 
 
 @ti.func
+def accelerate(fields: ti.template(), step: ti.template(), I, gravity):
+    """Turn the momentum of a node that touches nothing to the velocity after gravity; return its mass [kg]."""
+    q = fields.grid.nodes[I]
+    if q[3] > 0:
+        v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.kick * gravity
+        fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
+    return ti.max(q[3], 0.0)  # a ghost that was folded has none of its own
+
+
+@ti.func
 def update_node(fields: ti.template(), step: ti.template(), places: ti.template(), axes: ti.template(), I, touches,
                 gravity, origin):
     """Turn a node's momentum to the velocity after gravity and contact, see `update_nodes`; return its mass [kg]."""
@@ -88,45 +104,54 @@ def update_node(fields: ti.template(), step: ti.template(), places: ti.template(
         mass = q[3]
         v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.kick * gravity
         if touches > 0:
-            v = collide(fields, step, places, axes, I, v, q[3], origin)
+            v = collide(fields, step, places, axes, I, touches, v, q[3], origin)
         fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
     return mass
 
 
+def bit_of(solid: int) -> int:
+    """Return the bit of a moving solid in what `may_touch` returns; from the thirtieth on they share one."""
+    return 2 << min(solid, 29)
+
+
 @ti.func
 def may_touch(fields: ti.template(), places: ti.template(), axes: ti.template(), first_node, origin):
-    """Return whether a collider may be at some node of the block that begins at first_node (3,)."""
+    """Return what may be at some node of the block that begins at first_node (3,), a bit each.
+    The first is for static colliders and shells, then one for each moving solid."""
     corner = in_first_layer(fields.grid, first_node)
     near = 0
     if ti.static(len(fields.features.static_colliders) > 0):
-        near |= fields.static_contact.owned[corner // BLOCK]
+        near |= ti.min(fields.static_contact.owned[corner // BLOCK], 1)
     if ti.static(len(fields.features.shells) > 0):
-        near |= fields.shells.labelled[corner // BLOCK]
+        near |= ti.min(fields.shells.labelled[corner // BLOCK], 1)
     middle = ti.cast(position(corner, origin, fields.cell) + 0.5 * (BLOCK - 1) * fields.cell, fields.real)
     for k, index in ti.static(enumerate(fields.features.moving_solids)):
         r = middle - places[k]
         ball = ti.static((fields.colliders[index].sdf.radius + REACH * fields.cell) ** 2)
         if r.norm_sqr() < ball:  # noqa: SIM102  (what follows is a look-up)
             if not fields.colliders[index].sdf.is_beyond(axes[k].transpose() @ r, REACH * fields.cell):
-                near = 1
+                near |= ti.static(bit_of(k))
     return near
 
 
 @ti.func
-def collide(fields: ti.template(), step: ti.template(), places: ti.template(), axes: ti.template(), I, before, mass,
-            origin):
-    """Return a node's velocity after contact with static colliders, shells and moving solids; credit each of them."""
+def collide(fields: ti.template(), step: ti.template(), places: ti.template(), axes: ti.template(), I, touches, before,
+            mass, origin):
+    """Return a node's velocity after contact with static colliders, shells and moving solids; credit each of them.
+    touches: of its block, see `may_touch`."""
     v = before
     J = in_first_layer(fields.grid, I)
     place = position(J, origin, fields.cell)
-    if ti.static(len(fields.features.static_colliders) > 0):
-        v = collide_with_static(fields, step, I, v, mass, place)
-    if ti.static(len(fields.features.shells) > 0):
-        v = collide_with_shell(fields, step, I, J, v, mass, place)
+    if touches & 1:
+        if ti.static(len(fields.features.static_colliders) > 0):
+            v = collide_with_static(fields, step, I, v, mass, place)
+        if ti.static(len(fields.features.shells) > 0):
+            v = collide_with_shell(fields, step, I, J, v, mass, place)
     for k, index in ti.static(enumerate(fields.features.moving_solids)):
         R = axes[k]
         r = ti.cast(place, fields.real) - places[k]
-        if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + FACE * fields.cell) ** 2):
+        ball = ti.static((fields.colliders[index].sdf.radius + FACE * fields.cell) ** 2)
+        if touches & ti.static(bit_of(k)) > 0 and r.norm_sqr() < ball:
             y = R.transpose() @ r
             if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
                 normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, k, fields.colliders[index].sdf, R, y)
