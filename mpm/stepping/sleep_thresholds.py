@@ -10,7 +10,7 @@ CHECK_CELLS = 3.0  # cells that a pressure wave travels between two sleep checks
 CALM_CHECKS = 15  # sleep checks for which a particle is calm before it sleeps
 SPEED = 2.5e-3
 """Mean speed up to which a particle is calm, in sqrt(gravity cell): 0.5 mm/s in cells of 4 mm."""
-STRAIN = 0.3
+STRAIN = 0.1
 """Change of volume up to which a particle is calm, in that which the weight of one cell's material brings."""
 WAKE_DISPLACEMENT = 3.5
 """Displacement of the nodes of a sleeper that wakes it, in that by which the weight of one cell compresses it."""
