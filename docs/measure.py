@@ -77,6 +77,9 @@ def pictures(out: Path) -> None:
     still(out, "spoon")
     sheet = Image.open(out / "frames.png").convert("RGB")
     sheet.resize((1440, 810)).save(IMAGES / "spoon_sheet.jpg", quality=80, optimize=True)
+    if shutil.which("chromium") is None:
+        print("spoon_report.png is left as it is: it needs Chromium, which is not installed", file=sys.stderr)
+        return
     picture_of_page(out / "index.html", out / "page.png")
     curves = Image.open(out / "page.png").convert("RGB").quantize(64)
     curves.save(IMAGES / "spoon_report.png", optimize=True)
@@ -188,7 +191,7 @@ def picture_of_arms() -> None:
 
 
 def picture_of_page(page: Path, out: Path) -> None:
-    """Draw the curves of a run's page in Chromium, which has to be installed."""
+    """Draw the curves of a run's page in Chromium."""
     script = ("<script>for (const part of document.querySelectorAll('main > *')) "
               "if (!part.querySelector('.plotly-graph-div')) part.remove(); document.querySelector('header').remove(); "
               "window.dispatchEvent(new Event('resize'))</script></body>")
