@@ -1,10 +1,11 @@
 """Adjoint of contact, of nodes and of particles that have entered the tool, to the motion of the tool."""
 
-from mpm.adjoint.coulomb import coulomb_back, surface_back
+from mpm.adjoint.coulomb import coulomb_back, distance_back, face_back, velocity_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import FACE, deciding_node, touched_face, touches_static
+from mpm.boundaries.facing import deciding_node, has_touching_grains
+from mpm.boundaries.node_contact import bit_of, half_stride
 from mpm.boundaries.particle_contact import SOLID_RECOVERY
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
@@ -18,6 +19,8 @@ from mpm.transfers.to_particles import gather_pack
 def update_nodes_back(a: ti.template(), step: ti.template()):
     """Adjoint of `update_nodes`: from the adjoints of node velocities and masses to those of momenta and masses."""
     gravity, origin = a.fields.parameters.gravity[None], a.fields.world_origin()
+    if step.place == 0:
+        a.nodes.add_mass_bars(a.fields.grid)
     for n in range(a.fields.grid.count[None]):
         block = a.fields.grid.active[n] * BLOCK
         for i, j in ti.ndrange(BLOCK, BLOCK):
@@ -38,38 +41,33 @@ def update_nodes_back(a: ti.template(), step: ti.template()):
 @ti.func
 def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
     """Return the adjoint of a node's velocity before contact with the static colliders and then with the tool.
-    Whether the node's material touches a face is taken as it is."""
+    Whether the node's material touches a face is taken as the stride's first update of nodes has decided it; the normal
+    is of that moment, the velocity of the surface that of the substep."""
     v, v_bar, static_normal, owner = before, bar, 0.0 * before, 0
+    touches = a.fields.grid.contact[I // BLOCK]
     J = in_first_layer(a.fields.grid, I)
     if ti.static(len(a.fields.features.static_colliders) > 0):
         owner = a.fields.static_contact.owner[J]
         if owner > 0:
             contact = a.fields.static_contact.plane[J]
             static_normal = ti.Vector([contact[0], contact[1], contact[2]])
-            if contact[3] >= FACE * a.fields.cell \
-                    or not touches_static(a.fields, a.nodes, step.place, I, static_normal):
+            if touches & 1 == 0 or not has_touching_grains(a.fields, a.fields.features.static_row, I):
                 owner = 0
         if owner > 0:
             v = coulomb(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1])
     if ti.static(len(a.fields.features.shells) > 0):
         v_bar = collide_with_shell_back(a, step, I, J, v, corner, v_bar)
     for index in ti.static(a.fields.features.moving_solids):
-        r = ti.cast(position(I, corner, a.fields.cell), a.fields.real) - collider_origin(step.motion, 0, step.row)
-        if r.norm_sqr() < ti.static((a.fields.colliders[index].sdf.radius + FACE * a.fields.cell) ** 2):
-            R = collider_axes(step.motion, 0, step.row)
-            y = R.transpose() @ r
-            if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
-                surface = surface_velocity(step.motion, 0, step.row, r)
-                normal, n_t, of_material = touched_face(
-                    a.fields, a.nodes, step.place, I, 0, a.fields.colliders[index].sdf, R, y)
-                if normal.norm_sqr() > 0:
-                    v_bar, surface_bar, normal_bar = coulomb_back(v, surface, normal,
-                                                                  a.fields.parameters.frictions[index], v_bar)
-                    if of_material:  # the material's, which the tool does not turn
-                        material_normal_back(a, step.place, I, normal, normal_bar)
-                        normal_bar = 0.0 * normal_bar
-                    surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_t, surface_bar,
-                                 normal_bar, ti.cast(0.0, a.fields.real))
+        if touches & ti.static(bit_of(0)) > 0 and has_touching_grains(a.fields, 0, I):
+            place = ti.cast(position(J, corner, a.fields.cell), a.fields.real)
+            face, r = a.fields.grid.face[0, I[0], I[1], I[2]], place - collider_origin(step.motion, 0, step.row)
+            normal = ti.Vector([face[0], face[1], face[2]])
+            v_bar, surface_bar, normal_bar = coulomb_back(v, surface_velocity(step.motion, 0, step.row, r), normal,
+                                                          a.fields.parameters.frictions[index], v_bar)
+            if face[3] > 0:  # the material's, which the tool does not turn
+                material_normal_back(a, step.place, I, normal, normal_bar)
+                normal_bar = 0.0 * normal_bar
+            face_back(a, step, 0, index, place, normal, surface_bar, normal_bar, half_stride(step))
     if owner > 0:
         v_bar, _s, _n = coulomb_back(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1],
                                      v_bar)
@@ -78,14 +76,18 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
 
 @ti.func
 def material_normal_back(a: ti.template(), k, I, normal, normal_bar):
-    """Add the adjoints of the masses about node I by which `touched_face` has found the normal of its material."""
-    J, _here, above, below = deciding_node(a.fields, a.nodes, k, I)
+    """Add the adjoints of the masses about node I by which `touched_face` has found the normal of its material.
+    They are those of the stride's first update of nodes; k: number of the one that is reversed."""
+    J, _here, above, below = deciding_node(a.fields, a.nodes, I)
     slope_bar = (normal_bar - normal * normal.dot(normal_bar)) / (above - below).norm(1e-30)
     for d in ti.static(range(3)):
         e = ti.Vector([int(c == d) for c in range(3)])
         if above[d] != below[d]:  # else a wall mirrors the one, or neither is there
-            a.nodes.bars[J + e][3] += slope_bar[d]
-            a.nodes.bars[J - e][3] -= slope_bar[d]
+            for side in ti.static((1, -1)):
+                if k > 0:
+                    a.nodes.mass_bars[J + side * e] += side * slope_bar[d]
+                else:
+                    a.nodes.bars[J + side * e][3] += side * slope_bar[d]
 
 
 @ti.func
@@ -141,8 +143,8 @@ def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(),
                             approach_bar = -push_bar
                         normal_bar += approach_bar * relative
                         relative_bar = approach_bar * normal
-                        r_bar = surface_back(fields, index, motion, step.motion_bar, s, R, r, y, n_t, -relative_bar,
-                                             normal_bar, phi_bar)
+                        r_bar = velocity_back(step, s, r, -relative_bar) \
+                            + distance_back(fields, index, step, s, R, r, n_t, normal_bar, phi_bar)
                         for d in ti.static(range(3)):
                             B.v[d][q] = B.v[d][q] + relative_bar[d] * mask
                             B.x[d][q] = B.x[d][q] + r_bar[d] * mask

@@ -36,11 +36,12 @@ class NodeTape:
         self.folded = ti.Vector.field(4, real, (depth, *shape))  # momentum and mass, after the walls' images were added
         self.velocities = ti.Vector.field(4, real, (depth, *shape))  # velocity and mass at the end of the substep
         self.bars = ti.Vector.field(4, real, shape)  # adjoints of velocity, or momentum, and mass
+        self.mass_bars = ti.field(real, shape)  # what contact later in a stride adds to those of the first substep
 
     @ti.func
-    def mass(self, fields: ti.template(), k, J):
-        """Return the mass [kg] of a node in substep k, as contact sees it."""
-        return self.folded[k, J[0], J[1], J[2]][3]
+    def mass(self, fields: ti.template(), J):
+        """Return the mass [kg] of a node in the first substep, by which contact is decided for a stride."""
+        return self.folded[0, J[0], J[1], J[2]][3]
 
     @ti.func
     def record(self, grid: ti.template(), place: ti.template(), k):
@@ -64,6 +65,15 @@ class NodeTape:
         for n in range(grid.count[None]):
             for m in range(BLOCK**3):
                 self.bars[node_of(grid.active[n], m)] = ti.Vector.zero(grid.nodes.dtype, 4)
+                self.mass_bars[node_of(grid.active[n], m)] = 0.0
+
+    @ti.func
+    def add_mass_bars(self, grid: ti.template()):
+        """Add the adjoints of masses by which contact was decided for the later substeps of the stride."""
+        for n in range(grid.count[None]):
+            for m in range(BLOCK**3):
+                I = node_of(grid.active[n], m)
+                self.bars[I][3] += self.mass_bars[I]
 
 
 @ti.func

@@ -1,7 +1,7 @@
 """Adjoint of contact with a shell, of nodes and of particles that would enter it, to the motion of the tool.
 It is constant in the derivative on which side of the shell nodes and particles are."""
 
-from mpm.adjoint.coulomb import coulomb_back, surface_back
+from mpm.adjoint.coulomb import coulomb_back, distance_back, face_back, velocity_back
 from mpm.adjoint.side_layers import gathered_velocity, side_of
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
@@ -29,16 +29,8 @@ def collide_with_shell_back(a: ti.template(), step: ti.template(), I, J, v, corn
                 r = place - collider_origin(step.motion, row, step.row)
                 v_bar, surface_bar, normal_bar = coulomb_back(v, surface_velocity(step.motion, row, step.row, r),
                                                               normal, a.fields.parameters.frictions[index], bar)
-                R = collider_axes(step.motion, row, step.row)
-                y = R.transpose() @ r
-                surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, 0.0 * y, surface_bar,
-                             0.0 * y, 0.0 * gap[3])
-                r = place - collider_origin(step.motion, row, step.begin)
-                R = collider_axes(step.motion, row, step.begin)
-                y = R.transpose() @ r
-                n_t, _phi, _sided = a.fields.colliders[index].sdf.at(y)
-                surface_back(a.fields, index, step.motion, step.motion_bar, step.begin, R, r, y, n_t, 0.0 * y,
-                             material * normal_bar, 0.0 * gap[3])
+                face_back(a, step, row, index, place, material * normal, surface_bar, material * normal_bar,
+                          0.0 * gap[3])
     return v_bar
 
 
@@ -94,8 +86,8 @@ def stop_particle_back(a: ti.template(), P: ti.template(), B: ti.template(), ste
                     approach_bar -= push_bar
                 relative_bar = slide_bar + approach_bar * normal
                 normal_bar = push * bar - approach * slide_bar + approach_bar * relative
-                r_bar = surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_t,
-                                     -relative_bar, own * normal_bar, phi_bar)
+                r_bar = velocity_back(step, step.row, r, -relative_bar) \
+                    + distance_back(a.fields, index, step, step.row, R, r, n_t, own * normal_bar, phi_bar)
                 for d in ti.static(range(3)):
                     B.v[d][q][l] = B.v[d][q][l] + relative_bar[d]
                     B.x[d][q][l] = B.x[d][q][l] + r_bar[d]

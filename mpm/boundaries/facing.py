@@ -7,7 +7,6 @@ of a wall; at a sharp edge, along the normal of the material's surface."""
 from mpm.backend import ti
 from mpm.boundaries.periodic import home_node
 from mpm.scene.grid import BLOCK
-from mpm.state.nodes import in_first_layer
 
 FACE = 0.51
 """Cells in front of a collider's face within which a node counts as on it. Half a cell puts the walls that nodes can
@@ -33,7 +32,7 @@ class GridNodes:
     """The nodes of the grid as they are."""
 
     @ti.func
-    def mass(self, fields: ti.template(), k, J):
+    def mass(self, fields: ti.template(), J):
         """Return the mass [kg] of a node."""
         return fields.grid.nodes[J][3]
 
@@ -53,27 +52,27 @@ def is_at_edge(solid: ti.template(), y, normal, phi, cell: ti.template()):
 
 
 @ti.func
-def node_mass(fields: ti.template(), nodes: ti.template(), k, I, stamp):
-    """Return the mass [kg] of a node in a substep, negative where it was folded at a wall.
-    nodes: values of nodes, such as `GridNodes`; k: number of the substep in its stride."""
+def node_mass(fields: ti.template(), nodes: ti.template(), I, stamp):
+    """Return the mass [kg] of a node at the begin of a stride, negative where it was folded at a wall.
+    nodes: values of nodes, such as `GridNodes`."""
     mass = ti.cast(0.0, fields.real)
     J = I
     if ti.static(fields.is_periodic):
         J = home_node(fields, I)
     if fields.grid.stamp[J // BLOCK] == stamp:
-        mass = nodes.mass(fields, k, J)
+        mass = nodes.mass(fields, J)
     return mass
 
 
 @ti.func
-def masses_about(fields: ti.template(), nodes: ti.template(), k, I, stamp):
+def masses_about(fields: ti.template(), nodes: ti.template(), I, stamp):
     """Return the masses [kg] of node I, and of the next nodes above and below it along each axis (3,).
     stamp: of the substep, which the block of a node with mass has."""
-    here = node_mass(fields, nodes, k, I, stamp)
+    here = node_mass(fields, nodes, I, stamp)
     above, below = ti.Vector.zero(fields.real, 3), ti.Vector.zero(fields.real, 3)
     for d in ti.static(range(3)):
         e = ti.Vector([int(c == d) for c in range(3)])
-        above[d], below[d] = node_mass(fields, nodes, k, I + e, stamp), node_mass(fields, nodes, k, I - e, stamp)
+        above[d], below[d] = node_mass(fields, nodes, I + e, stamp), node_mass(fields, nodes, I - e, stamp)
         if above[d] < 0:  # a wall mirrors what is in front of it
             above[d] = below[d]
         if below[d] < 0:
@@ -82,21 +81,21 @@ def masses_about(fields: ti.template(), nodes: ti.template(), k, I, stamp):
 
 
 @ti.func
-def deciding_node(fields: ti.template(), nodes: ti.template(), k, I):
+def deciding_node(fields: ti.template(), nodes: ti.template(), I):
     """Return the neighbour whose mass decides the contact face of node I, and the masses on both sides."""
     stamp = fields.grid.stamp[I // BLOCK]
     J = I
-    here, above, below = masses_about(fields, nodes, k, I, stamp)
+    here, above, below = masses_about(fields, nodes, I, stamp)
     most = ti.max(above.max(), below.max())
     if here < LIGHT_NODE * most:
         e = 0 * I
         for d in ti.static(range(3)):
             if ti.max(above[d], below[d]) == most:
                 e = ti.Vector([int(c == d) for c in range(3)]) * ti.select(above[d] == most, 1, -1)
-        if node_mass(fields, nodes, k, I + e, stamp) < 0:  # beyond a wall, which mirrors the other one
+        if node_mass(fields, nodes, I + e, stamp) < 0:  # beyond a wall, which mirrors the other one
             e = -e
         J = I + e
-        here, above, below = masses_about(fields, nodes, k, J, stamp)
+        here, above, below = masses_about(fields, nodes, J, stamp)
     return J, here, above, below
 
 
@@ -116,35 +115,33 @@ def growth_along(normal, here, above, below):
 
 @ti.func
 def has_touching_grains(fields: ti.template(), row: ti.template(), I):
-    """Return whether some particle with mass at node I touches a solid in this stride, see `note_touching`."""
-    J = in_first_layer(fields.grid, I)
-    return fields.grid.touching[row, J[0], J[1], J[2]] == fields.grid.stamp[I // BLOCK]
+    """Return whether some particle with mass at node I touches a solid in this stride, see `note_touching`; after
+    `find_contact`, whether the node's material does."""
+    return fields.grid.touching[row, I[0], I[1], I[2]] == fields.grid.stamp[I // BLOCK]
 
 
 @ti.func
-def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal):
-    """Return whether the material of node I touches a face of normal (3,), away from edges.
-    nodes, k: see `node_mass`."""
-    result = False
-    if has_touching_grains(fields, fields.features.static_row, I):
-        _J, here, above, below = deciding_node(fields, nodes, k, I)
-        result = growth_along(normal, here, above, below) > FACING
-    return result
+def forget_touching(fields: ti.template(), row: ti.template(), I):
+    """Decide that the material of node I does not touch a solid in this stride."""
+    fields.grid.touching[row, I[0], I[1], I[2]] = fields.grid.stamp[I // BLOCK] - 1
 
 
 @ti.func
-def touched_face(fields: ti.template(), nodes: ti.template(), k, I, row: ti.template(), solid: ti.template(), R, y):
-    """Return the normal (3,) of the face of a solid that the material of node I touches, zero where it touches none;
-    the solid's own at y; and whether the material's surface has decided.
-    row: of the solid among those that move; R: its axes; y: the node in its frame. nodes, k: see `node_mass`. Inside a
-    solid the closest face can be one without material, and at an edge it is none: there the material's own surface
-    decides."""
+def touches_static(fields: ti.template(), I, normal):
+    """Return whether the material of node I touches a face of normal (3,), away from edges."""
+    _J, here, above, below = deciding_node(fields, GRID_NODES, I)
+    return growth_along(normal, here, above, below) > FACING
+
+
+@ti.func
+def touched_face(fields: ti.template(), I, solid: ti.template(), R, y):
+    """Return the normal of the face of a solid that the material of node I touches, see `GridFields.face`, or zeros.
+    R: the solid's axes; y: the node in its frame. Inside a solid the closest face can be one without material, and at
+    an edge it is none: there the material's own surface decides."""
     result, of_material = 0.0 * y, False
-    n_t, phi = 0.0 * y, ti.cast(FACE * fields.cell, fields.real)
-    if has_touching_grains(fields, row, I):
-        n_t, phi = solid.at(y)
+    n_t, phi = solid.at(y)
     if phi < FACE * fields.cell:
-        J, here, above, below = deciding_node(fields, nodes, k, I)
+        J, here, above, below = deciding_node(fields, GRID_NODES, I)
         normal = R @ n_t
         is_facing = growth_along(normal, here, above, below) > FACING
         of_material = (not is_facing and phi < 0) or is_at_edge(solid, y, n_t, phi, fields.cell)
@@ -154,4 +151,4 @@ def touched_face(fields: ti.template(), nodes: ti.template(), k, I, row: ti.temp
             is_facing = growth_along(normal, here, above, below) > FACING_EDGE and beyond > 0
         if is_facing:
             result = normal
-    return result, n_t, of_material
+    return ti.Vector([result[0], result[1], result[2], ti.cast(of_material, fields.real)])

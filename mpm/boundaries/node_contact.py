@@ -2,15 +2,16 @@
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import FACE, GRID_NODES, is_at_edge, touched_face, touches_static
+from mpm.boundaries.facing import FACE, forget_touching, has_touching_grains, is_at_edge, touched_face, touches_static
 from mpm.boundaries.mobile_contact import list_node
 from mpm.boundaries.orifice_flow import receding_velocity
+from mpm.materials.stable_step import TRAVEL_FRACTION
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import GRAVITY_ROW, add, credit, position
 from mpm.state.nodes import in_first_layer, node_of
 
-REACH = FACE + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
-"""Cells from the middle of a block of nodes within which a face can touch one of them."""
+REACH = FACE + 0.5 * TRAVEL_FRACTION + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
+"""Cells from the middle of a block of nodes within which a face can touch one of them in half of a stride."""
 
 
 @ti.kernel
@@ -53,13 +54,15 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
         block = fields.grid.active[n] * BLOCK
         touches = 0
         if ti.static(len(fields.colliders) > 0):
-            touches = may_touch(fields, places, axes, block, origin)
+            if step.transfer_mass > 0:
+                fields.grid.contact[fields.grid.active[n]] = find_contact(fields, step, places, axes, block, origin)
+            touches = fields.grid.contact[fields.grid.active[n]]
         # summed per block about its corner, in the field's precision: 64 numbers of one size
         mass = ti.cast(0.0, fields.real)
         lever = ti.Vector.zero(fields.real, 3)
         if ti.static(step.threads > 1):
             I = node_of(fields.grid.active[n], step.thread)
-            mass = update_node(fields, step, places, axes, I, touches, gravity, origin)
+            mass = update_node(fields, step, places, I, touches, gravity, origin)
             lever = mass * ti.cast(I - block, fields.real)
         elif touches == 0:  # on its own: a short loop, which LLVM makes vectors of
             for a, b in ti.ndrange(BLOCK, BLOCK):
@@ -70,7 +73,7 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
         else:
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 for c in range(BLOCK):
-                    m = update_node(fields, step, places, axes, block + ti.Vector([a, b, c]), touches, gravity, origin)
+                    m = update_node(fields, step, places, block + ti.Vector([a, b, c]), touches, gravity, origin)
                     mass += m
                     lever += m * ti.Vector([float(a), float(b), float(c)])
         weight += ti.cast(mass, ti.f64)
@@ -95,8 +98,7 @@ def accelerate(fields: ti.template(), step: ti.template(), I, gravity):
 
 
 @ti.func
-def update_node(fields: ti.template(), step: ti.template(), places: ti.template(), axes: ti.template(), I, touches,
-                gravity, origin):
+def update_node(fields: ti.template(), step: ti.template(), places: ti.template(), I, touches, gravity, origin):
     """Turn a node's momentum to the velocity after gravity and contact, see `update_nodes`; return its mass [kg]."""
     mass = ti.cast(0.0, fields.real)
     q = fields.grid.nodes[I]
@@ -104,9 +106,67 @@ def update_node(fields: ti.template(), step: ti.template(), places: ti.template(
         mass = q[3]
         v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.kick * gravity
         if touches > 0:
-            v = collide(fields, step, places, axes, I, touches, v, q[3], origin)
+            v = collide(fields, step, places, I, touches, v, q[3], origin)
         fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
     return mass
+
+
+@ti.func
+def find_contact(fields: ti.template(), step: ti.template(), places: ti.template(), axes: ti.template(), block, origin):
+    """Decide for a stride which nodes of the block that begins at node `block` (3,) touch a solid.
+    The others lose their mark in `touching`. Returns what they touch, a bit each as in `may_touch`; where each thread
+    has one of the nodes, what they may touch."""
+    found = may_touch(fields, places, axes, block, origin)
+    if ti.static(step.threads > 1):
+        find_contact_of(fields, step, places, axes, node_of(block // BLOCK, step.thread), found, origin)
+    elif found > 0:
+        touched = 0
+        for a, b in ti.ndrange(BLOCK, BLOCK):
+            for c in range(BLOCK):
+                touched |= find_contact_of(fields, step, places, axes, block + ti.Vector([a, b, c]), found, origin)
+        if ti.static(len(fields.features.shells) > 0):  # which have marks of their own
+            touched |= found & 1
+        found = touched
+    return found
+
+
+@ti.func
+def find_contact_of(fields: ti.template(), step: ti.template(), places: ti.template(), axes: ti.template(), I, near,
+                    origin):
+    """Decide for a stride what node I touches, see `find_contact`; near: what its block may touch.
+    Solids count where they are in the middle of the stride."""
+    found, has_mass = 0, fields.grid.nodes[I][3] > 0
+    if ti.static(len(fields.features.static_colliders) > 0):  # noqa: SIM102  (decided when compiling)
+        if near & 1 and has_touching_grains(fields, fields.features.static_row, I):
+            contact = fields.static_contact.plane[in_first_layer(fields.grid, I)]
+            is_owned = fields.static_contact.owner[in_first_layer(fields.grid, I)] > 0
+            if has_mass and is_owned and contact[3] < FACE * fields.cell \
+                    and touches_static(fields, I, ti.Vector([contact[0], contact[1], contact[2]])):
+                found |= 1
+            else:
+                forget_touching(fields, fields.features.static_row, I)
+    for k, index in ti.static(enumerate(fields.features.moving_solids)):
+        if near & ti.static(bit_of(k)) > 0 and has_touching_grains(fields, k, I):
+            R = axes[k]
+            r = ti.cast(position(in_first_layer(fields.grid, I), origin, fields.cell), fields.real) - places[k]
+            r -= half_stride(step) * surface_velocity(step.motion, k, step.row, r)
+            face = ti.Vector.zero(fields.real, 4)
+            if has_mass and r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + FACE * fields.cell) ** 2):
+                y = R.transpose() @ r
+                if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
+                    face = touched_face(fields, I, fields.colliders[index].sdf, R, y)
+            if face[0] != 0 or face[1] != 0 or face[2] != 0:
+                found |= ti.static(bit_of(k))
+                fields.grid.face[k, I[0], I[1], I[2]] = face
+            else:
+                forget_touching(fields, k, I)
+    return found
+
+
+@ti.func
+def half_stride(step: ti.template()):
+    """Return the time [s] from the begin of a stride to its middle; 0 for single substeps, whose solids do not wait."""
+    return 0.5 * (step.stride - step.dt)
 
 
 def bit_of(solid: int) -> int:
@@ -135,51 +195,37 @@ def may_touch(fields: ti.template(), places: ti.template(), axes: ti.template(),
 
 
 @ti.func
-def collide(fields: ti.template(), step: ti.template(), places: ti.template(), axes: ti.template(), I, touches, before,
-            mass, origin):
+def collide(fields: ti.template(), step: ti.template(), places: ti.template(), I, touches, before, mass, origin):
     """Return a node's velocity after contact with static colliders, shells and moving solids; credit each of them.
-    touches: of its block, see `may_touch`."""
+    touches: by nodes of its block, see `find_contact`."""
     v = before
     J = in_first_layer(fields.grid, I)
     place = position(J, origin, fields.cell)
     if touches & 1:
-        if ti.static(len(fields.features.static_colliders) > 0):
-            v = collide_with_static(fields, step, I, v, mass, place)
+        if ti.static(len(fields.features.static_colliders) > 0):  # noqa: SIM102  (decided when compiling)
+            if has_touching_grains(fields, fields.features.static_row, I):
+                owner, plane = fields.static_contact.owner[J], fields.static_contact.plane[J]
+                v = stop(fields, step, owner - 1, v, 0.0 * v, ti.Vector([plane[0], plane[1], plane[2]]), mass, place)
         if ti.static(len(fields.features.shells) > 0):
             v = collide_with_shell(fields, step, I, J, v, mass, place)
     for k, index in ti.static(enumerate(fields.features.moving_solids)):
-        R = axes[k]
-        r = ti.cast(place, fields.real) - places[k]
-        ball = ti.static((fields.colliders[index].sdf.radius + FACE * fields.cell) ** 2)
-        if touches & ti.static(bit_of(k)) > 0 and r.norm_sqr() < ball:
-            y = R.transpose() @ r
-            if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
-                normal, _n, _m = touched_face(fields, GRID_NODES, 0, I, k, fields.colliders[index].sdf, R, y)
-                if normal.norm_sqr() > 0:
-                    if ti.static(fields.mobile_place[index] >= 0):
-                        list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
-                    else:
-                        surface = surface_velocity(step.motion, k, step.row, r)
-                        new = coulomb(v, surface, normal, fields.parameters.frictions[index])
-                        credit(step.out, fields.rows.first_collider + index, place, mass * (new - v))
-                        v = new
+        if touches & ti.static(bit_of(k)) > 0 and has_touching_grains(fields, k, I):
+            face = fields.grid.face[k, I[0], I[1], I[2]]
+            normal = ti.Vector([face[0], face[1], face[2]])
+            if ti.static(fields.mobile_place[index] >= 0):
+                list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
+            else:
+                r = ti.cast(place, fields.real) - places[k]
+                v = stop(fields, step, index, v, surface_velocity(step.motion, k, step.row, r), normal, mass, place)
     return v
 
 
 @ti.func
-def collide_with_static(fields: ti.template(), step: ti.template(), I, before, mass, place):
-    """Return a node's velocity after contact with the static collider that owns the node, if one does."""
-    v = before
-    J = in_first_layer(fields.grid, I)
-    owner = fields.static_contact.owner[J]
-    if owner > 0:
-        contact = fields.static_contact.plane[J]
-        normal = ti.Vector([contact[0], contact[1], contact[2]])
-        if contact[3] < FACE * fields.cell and touches_static(fields, GRID_NODES, 0, I, normal):
-            new = coulomb(v, v * 0.0, normal, fields.parameters.frictions[owner - 1])
-            credit(step.out, fields.rows.first_collider + owner - 1, place, mass * (new - v))
-            v = new
-    return v
+def stop(fields: ti.template(), step: ti.template(), index, v, surface, normal, mass, place):
+    """Return the velocity of a node's material after Coulomb contact with a collider, which is credited."""
+    new = coulomb(v, surface, normal, fields.parameters.frictions[index])
+    credit(step.out, fields.rows.first_collider + index, place, mass * (new - v))
+    return new
 
 
 @ti.func
@@ -207,7 +253,6 @@ def collide_with_shell(fields: ti.template(), step: ti.template(), I, J, v, mass
                         fields.mobile_nodes.receding[n] = receding
                 else:
                     r = ti.cast(place, fields.real) - collider_origin(step.motion, row, step.row)
-                    result = coulomb(v, surface_velocity(step.motion, row, step.row, r) + receding, normal,
-                                     fields.parameters.frictions[index])
-                    credit(step.out, fields.rows.first_collider + index, place, mass * (result - v))
+                    result = stop(fields, step, index, v, surface_velocity(step.motion, row, step.row, r) + receding,
+                                  normal, mass, place)
     return result

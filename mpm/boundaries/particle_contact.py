@@ -93,7 +93,8 @@ def note_nodes(fields: ti.template(), row: ti.template(), q, lanes, stamp):
             J = ti.Vector([base[0] + a, base[1] + b, base[2] + c])
             if ti.static(fields.is_periodic):
                 J = home_node(fields, J)
-            fields.grid.touching[row, J[0], J[1], J[2]] = stamp
+            for layer in ti.static(range(fields.grid.layers)):
+                fields.grid.touching[row, J[0] + layer * fields.grid.width, J[1], J[2]] = stamp
 
 
 @ti.func

@@ -168,7 +168,7 @@ class AdjointKernel:
                 slot = self.slot_after(first + begin, k - 1)
             self.read_moved(self.slot_after(first + begin, k))
             for adjoint in ti.static(self.reverse_phases):
-                adjoint(self, ti.static(ReverseStep(row, begin, k, moved, slot, dt, kick, strain,
+                adjoint(self, ti.static(ReverseStep(row, begin, k, moved, slot, dt, kick, strain, span * dt,
                                                     ti.cast(k == 0, ti.i32), motion, motion_bar)))
             if ti.static(self.clips):
                 self.clip()

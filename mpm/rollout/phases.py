@@ -37,6 +37,7 @@ class ReverseStep(NamedTuple):
     dt: Any  # length of a substep [s]
     kick: Any  # time [s] for which nodes felt forces
     strain: Any  # time [s] for which the particles' state advanced first
+    stride: Any  # length of the stride [s]
     transfer_mass: Any  # 1 where nodes took momentum and mass from the particles
     motion: Any  # motion table (1, n, COLUMNS) of the tool
     motion_bar: Any  # its adjoint (n, COLUMNS), added to

@@ -137,7 +137,7 @@ def allocate_fields(scene: Scene, features: Features) -> Fields:
     precision = features.precision
     particles = ParticleFields(tuple(len(body.positions) for body in bodies), features)
     nodes = GridFields(grid, precision, 2 if features.shells else 1, features.serial, parts,
-                       features.solids)
+                       features.solids, len(features.moving_solids))
     target = nodes.nodes
     if parts:
         nx, ny, nz = nodes.nodes.shape

@@ -12,7 +12,7 @@ class GridFields:
     shell separates from a node meets the shell there, in a velocity field of its own (see `shell_sides`)."""
 
     def __init__(self, grid: Grid, precision: str, layers: int = 1, lists: bool = True, parts: int = 0,
-                 solids: int = 0) -> None:
+                 solids: int = 0, moving_solids: int = 0) -> None:
         real = real_type(precision)
         nx, ny, nz = grid.shape
         self.layers, self.width, self.cell = layers, nx, grid.cell
@@ -21,10 +21,14 @@ class GridFields:
         self.cells = tuple(int(n) for n in grid.cells)
         self.nodes = ti.Vector.field(4, real, (layers * nx, ny, nz))
         """(momentum, mass) after the scatter, (velocity, mass) after the grid update."""
-        self.touching = ti.field(ti.i32, (solids, nx, ny, nz)) if solids else None
-        """Number of the first substep of the stride in which a particle with mass at the node last touched a solid.
+        self.touching = ti.field(ti.i32, (solids, layers * nx, ny, nz)) if solids else None
+        """Number of the first substep of the stride in which the node's material last touched a solid.
         A row for each solid that moves, and a last one for all that are static."""
+        self.face = ti.Vector.field(4, real, (moving_solids, layers * nx, ny, nz)) if moving_solids else None
+        """Normal of the face of a moving solid that the node's material touches in the stride; and 1 where it is that
+        of the material's surface, 0 where it is the solid's own."""
         blocks = (layers * nx // BLOCK, ny // BLOCK, nz // BLOCK)
+        self.contact = ti.field(ti.i32, blocks)  # what nodes of the block touch in the stride, see `find_contact`
         self.stamp = ti.field(ti.i32, blocks)  # number of the substep in which the block was last active
         self.reached = ti.field(ti.i32, (parts, *blocks)) if parts else None
         """Number of the substep for which a part of the packs last scattered to the block."""

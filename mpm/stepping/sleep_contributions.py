@@ -125,8 +125,9 @@ def add_sleepers(fields: ti.template(), step: ti.template(), first, last):
                         given = fields.sleepers.contribution[I]
                         if given[3] > 0:
                             fields.grid.nodes[I] = q + factors * given
-                            for row in ti.static(range(fields.features.solids)):  # it lies where it has touched
-                                fields.grid.touching[row, I[0], I[1], I[2]] = step.stamp
+                            if step.transfer_mass > 0:
+                                for row in ti.static(range(fields.features.solids)):  # it lies where it has touched
+                                    fields.grid.touching[row, I[0], I[1], I[2]] = step.stamp
 
 
 @ti.func

@@ -78,12 +78,12 @@ class World:
             raise ConfigError(f"randomize: {', '.join(ranges)} with load; accepted with load: neither material, nor "
                               f"fill, nor surface_slope_deg")
         self._name, self.load, self._home, law = name, load, self.task.start.pose, self.material.make_law()
-        check_substeps("step_dt", self.task.step_dt, largest_step(self.task, law))
+        check_substeps("step_dt", self.task.step_dt, self.randomization.step or largest_step(self.task, law))
         self.solver = build_field(self.task, law, self._home, FieldOptions(
             is_carried=mobile, moves_containers=self.randomization.moves_places,
             grain_diameter=grain_diameter_of(self.material),
             grains=None if load is None else Filling(self._home.apply(load.positions), load.volume),
-            dt=self.randomization.step if self.randomization.materials else None))
+            dt=self.randomization.step))
         self._volumes = {1.0: grain_volume_of(self.solver)}
         """Of a grain [m^3], by the fill."""
         self._unsettled = self.solver.state() if self.randomization.varies_grains else {}

@@ -31,7 +31,7 @@ class GrainsTerm(Term):
         if layout not in LAYOUTS:
             raise ConfigError(f"obs: grains: layout = {layout!r}; accepted: {', '.join(LAYOUTS)}")
         self._task, self._layout = scene.task, layout
-        row = grain_bounds(scene.solver.grid, scene.solver.dt)
+        row = grain_bounds(scene.solver.grid)
         if layout == "moments":
             bounds = moment_bounds(scene.task, row)
             self.parts = {name: len(low) for name, (low, _) in bounds.items()}
@@ -64,7 +64,7 @@ class GoalFrameTerm(Term):
 
     def __init__(self, scene: SenseScene) -> None:
         self._task = scene.task
-        limits = {"velocity": grain_bounds(scene.solver.grid, scene.solver.dt)[1][3]}
+        limits = {"velocity": grain_bounds(scene.solver.grid)[1][3]}
         limit = np.repeat([limits.get(name, FAR) for name in GOAL_FRAME], list(GOAL_FRAME.values()))
         self.space = box(-limit, limit)
 

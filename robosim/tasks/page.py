@@ -3,7 +3,6 @@
 import numpy as np
 
 from robosim.config.materials import load_material
-from robosim.scene.field import largest_step
 from robosim.scene.grains import grain_volume
 from robosim.tasks.observation import dose_terms, grain_bounds, tool_bounds
 from robosim.tasks.outcome import build_reward
@@ -159,7 +158,7 @@ def _observation_rows(task: TaskConfig) -> tuple[list[tuple[object, ...]], int]:
     """Return the rows of the table of observations, and the number of entries of one."""
     field, n = task.field, task.grains.count // task.grains.observe_every
     grid = field.grid
-    lower, upper = grain_bounds(grid, largest_step(task, load_material(task.material).make_law()))
+    lower, upper = grain_bounds(grid)
     tool = tool_bounds(task, grid)
     begin = 6 * n
     rows: list[tuple[object, ...]] = [

@@ -56,7 +56,7 @@ def test_a_loaded_state_continues_to_the_bit(name: str, options: dict[str, Any])
     env, own = make(name, action_repeat=128, **options)
     env.reset(seed=4)
     jerks = np.zeros((2, *own.actions.space.shape), np.float32)
-    jerks[:, :3] = [[1.0, 0.0, 0.8], [-1.0, 0.0, -1.0]]
+    jerks[:, :3] = [[1.0, 1.0, 0.8], [-1.0, -1.0, -1.0]]
     for jerk in jerks:
         env.step(jerk)
     assert own.episode.counts.exited or name not in ("SpoonTranslate", "SpoonPour") or "latency" in options

@@ -12,6 +12,8 @@ from robosim.base.resources import folder, trained
 from robosim.config.materials import load_material, overridden
 from robosim.envs import TASKS
 from robosim.randomization.materials import MATERIALS
+from robosim.randomization.randomization import Randomization
+from robosim.randomization.ranges import MATERIAL
 from robosim.studies.evaluation import materials as command
 from robosim.studies.evaluation.materials import OWN, play_in_material
 from robosim.tasks.task import TaskConfig, load_task
@@ -54,7 +56,12 @@ def test_the_time_step_suits_all_thirteen_materials():
     laws = [overridden(load_material(base), numbers).make_law() for base, numbers in MATERIALS.values()]
     assert len(laws) == len({repr(law) for law in laws}) == 13
     for task in map(load_task, TASKS):
-        assert all(accepted_bound(task.field.cell, law) > task.field.dt for law in laws)
+        step = Randomization(task, load_material("salt"), {MATERIAL: tuple(MATERIALS)}).step
+        assert min(accepted_bound(task.field.cell, law) for law in laws) > step > 0.0002
+        assert task.step_dt / step == pytest.approx(round(task.step_dt / step))
+    stiff = Randomization(task, load_material("salt"), {"E": (1e5, 6e6)}).step
+    assert stiff < accepted_bound(task.field.cell, overridden(load_material("salt"), {"E": 6e6}).make_law())
+    assert Randomization(task, load_material("salt"), {"fill": (0.5, 1.0)}).step is None
 
 
 def make_episode(score: float, trajectory: list[list[float]], diverged: str | None = None) -> dict:
