@@ -5,13 +5,13 @@ from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surf
 from mpm.boundaries.facing import FACE, forget_touching, has_touching_grains, is_at_edge, touched_face, touches_static
 from mpm.boundaries.mobile_contact import list_node
 from mpm.boundaries.orifice_flow import receding_velocity
-from mpm.materials.stable_step import TRAVEL_FRACTION
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import GRAVITY_ROW, add, credit, position
 from mpm.state.nodes import in_first_layer, node_of
 
-REACH = FACE + 0.5 * TRAVEL_FRACTION + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
-"""Cells from the middle of a block of nodes within which a face can touch one of them in half of a stride."""
+REACH = FACE + 0.125 + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
+"""Cells from the middle of a block of nodes within which a face can touch one of them in half of a stride, in which a
+solid travels an eighth of a cell."""
 
 
 @ti.kernel
@@ -62,20 +62,20 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
         lever = ti.Vector.zero(fields.real, 3)
         if ti.static(step.threads > 1):
             I = node_of(fields.grid.active[n], step.thread)
-            mass = update_node(fields, step, places, I, touches, gravity, origin)
+            mass = accelerate(fields, step, I, gravity)
             lever = mass * ti.cast(I - block, fields.real)
-        elif touches == 0:  # on its own: a short loop, which LLVM makes vectors of
-            for a, b in ti.ndrange(BLOCK, BLOCK):
+            if touches > 0:
+                collide(fields, step, places, I, touches, origin)
+        else:
+            for a, b in ti.ndrange(BLOCK, BLOCK):  # on its own: a short loop, which LLVM makes vectors of
                 for c in ti.static(range(BLOCK)):
                     m = accelerate(fields, step, block + ti.Vector([a, b, c]), gravity)
                     mass += m
                     lever += m * ti.Vector([float(a), float(b), float(c)])
-        else:
-            for a, b in ti.ndrange(BLOCK, BLOCK):
-                for c in range(BLOCK):
-                    m = update_node(fields, step, places, block + ti.Vector([a, b, c]), touches, gravity, origin)
-                    mass += m
-                    lever += m * ti.Vector([float(a), float(b), float(c)])
+            if touches > 0:
+                for a, b in ti.ndrange(BLOCK, BLOCK):
+                    for c in range(BLOCK):
+                        collide(fields, step, places, block + ti.Vector([a, b, c]), touches, origin)
         weight += ti.cast(mass, ti.f64)
         first_moment += ti.cast(mass, ti.f64) * position(in_first_layer(fields.grid, block), origin, fields.cell) \
             + fields.cell * ti.cast(lever, ti.f64)
@@ -89,26 +89,12 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
 
 @ti.func
 def accelerate(fields: ti.template(), step: ti.template(), I, gravity):
-    """Turn the momentum of a node that touches nothing to the velocity after gravity; return its mass [kg]."""
+    """Turn the momentum of a node to the velocity after gravity; return its mass [kg]."""
     q = fields.grid.nodes[I]
     if q[3] > 0:
         v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.kick * gravity
         fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
     return ti.max(q[3], 0.0)  # a ghost that was folded has none of its own
-
-
-@ti.func
-def update_node(fields: ti.template(), step: ti.template(), places: ti.template(), I, touches, gravity, origin):
-    """Turn a node's momentum to the velocity after gravity and contact, see `update_nodes`; return its mass [kg]."""
-    mass = ti.cast(0.0, fields.real)
-    q = fields.grid.nodes[I]
-    if q[3] > 0:
-        mass = q[3]
-        v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.kick * gravity
-        if touches > 0:
-            v = collide(fields, step, places, I, touches, v, q[3], origin)
-        fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
-    return mass
 
 
 @ti.func
@@ -195,29 +181,30 @@ def may_touch(fields: ti.template(), places: ti.template(), axes: ti.template(),
 
 
 @ti.func
-def collide(fields: ti.template(), step: ti.template(), places: ti.template(), I, touches, before, mass, origin):
-    """Return a node's velocity after contact with static colliders, shells and moving solids; credit each of them.
+def collide(fields: ti.template(), step: ti.template(), places: ti.template(), I, touches, origin):
+    """Change a node's velocity by contact with static colliders, shells and moving solids; credit each of them.
     touches: by nodes of its block, see `find_contact`."""
-    v = before
-    J = in_first_layer(fields.grid, I)
-    place = position(J, origin, fields.cell)
-    if touches & 1:
-        if ti.static(len(fields.features.static_colliders) > 0):  # noqa: SIM102  (decided when compiling)
-            if has_touching_grains(fields, fields.features.static_row, I):
-                owner, plane = fields.static_contact.owner[J], fields.static_contact.plane[J]
-                v = stop(fields, step, owner - 1, v, 0.0 * v, ti.Vector([plane[0], plane[1], plane[2]]), mass, place)
-        if ti.static(len(fields.features.shells) > 0):
-            v = collide_with_shell(fields, step, I, J, v, mass, place)
-    for k, index in ti.static(enumerate(fields.features.moving_solids)):
-        if touches & ti.static(bit_of(k)) > 0 and has_touching_grains(fields, k, I):
-            face = fields.grid.face[k, I[0], I[1], I[2]]
-            normal = ti.Vector([face[0], face[1], face[2]])
-            if ti.static(fields.mobile_place[index] >= 0):
-                list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
-            else:
-                r = ti.cast(place, fields.real) - places[k]
-                v = stop(fields, step, index, v, surface_velocity(step.motion, k, step.row, r), normal, mass, place)
-    return v
+    q, J = fields.grid.nodes[I], in_first_layer(fields.grid, I)
+    v, mass, place = ti.Vector([q[0], q[1], q[2]]), q[3], position(J, origin, fields.cell)
+    if mass > 0:
+        if touches & 1:
+            if ti.static(len(fields.features.static_colliders) > 0):  # noqa: SIM102  (decided when compiling)
+                if has_touching_grains(fields, fields.features.static_row, I):
+                    owner, plane = fields.static_contact.owner[J], fields.static_contact.plane[J]
+                    normal = ti.Vector([plane[0], plane[1], plane[2]])
+                    v = stop(fields, step, owner - 1, v, 0.0 * v, normal, mass, place)
+            if ti.static(len(fields.features.shells) > 0):
+                v = collide_with_shell(fields, step, I, J, v, mass, place)
+        for k, index in ti.static(enumerate(fields.features.moving_solids)):
+            if touches & ti.static(bit_of(k)) > 0 and has_touching_grains(fields, k, I):
+                face = fields.grid.face[k, I[0], I[1], I[2]]
+                normal = ti.Vector([face[0], face[1], face[2]])
+                if ti.static(fields.mobile_place[index] >= 0):
+                    list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
+                else:
+                    r = ti.cast(place, fields.real) - places[k]
+                    v = stop(fields, step, index, v, surface_velocity(step.motion, k, step.row, r), normal, mass, place)
+        fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], mass])
 
 
 @ti.func

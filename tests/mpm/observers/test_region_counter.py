@@ -51,13 +51,13 @@ def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
     """Ten readings, one after each of ten advances, and ten within one advance along the same path."""
     solver, counter, chosen = scene(per_particle=True, reach=0.03)
     reference = Reference(solver, chosen)
+    solver.attach(counter, mpm.Sample(solver, chosen))  # as below: another kernel may round otherwise
     counter.restart()
     read, path = [], [solver.collider_pose(0)]
     for _ in range(10):
         path.append(moved(path[-1]))
         solver.set_collider_motion(0, *path[-2:])
-        solver.advance(5e-3)
-        read.append(counter.read())
+        read += solver.advance(5e-3, readings=1)
         expected = reference.read()
         assert read[-1][:6] == pytest.approx(expected, rel=1e-9, abs=1e-12)
         x = solver.positions()
