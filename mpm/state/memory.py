@@ -46,7 +46,8 @@ def field_memory(grid: Grid, counts: tuple[int, ...], features: Features, parts:
     each_node += (4.0 * features.solids + 4 * number * len(features.moving_solids)) * layers
     each_node += 2 * number * layers * features.cell_rates
     each_node += (40 + 7 * number) * features.sleep
-    each_block = 28.0 * layers + 24.0 * features.sleep + 4.0 * bool(features.static_colliders)
+    each_block = (24.0 + 4.0 * bool(features.solids or features.shells)) * layers + 24.0 * features.sleep
+    each_block += 4.0 * bool(features.static_colliders)
     named = 15 + 6 * features.tensor_state + features.volume_state + features.volume_correction
     named += 5 * features.sleep
     named += 3 * (features.precision == "f32") + 3 * features.body_acceleration + 2 * bool(features.shells) + 1

@@ -28,7 +28,8 @@ class GridFields:
         """Normal of the face of a moving solid that the node's material touches in the stride; and 1 where it is that
         of the material's surface, 0 where it is the solid's own."""
         blocks = (layers * nx // BLOCK, ny // BLOCK, nz // BLOCK)
-        self.contact = ti.field(ti.i32, blocks)  # what nodes of the block touch in the stride, see `find_contact`
+        self.contact = ti.field(ti.i32, blocks) if solids or layers == 2 else None
+        """What nodes of the block touch in the stride, see `find_contact`."""
         self.stamp = ti.field(ti.i32, blocks)  # number of the substep in which the block was last active
         self.reached = ti.field(ti.i32, (parts, *blocks)) if parts else None
         """Number of the substep for which a part of the packs last scattered to the block."""
