@@ -28,8 +28,8 @@ class Solver(Readings, AbstractContextManager["Solver"]):
     """Explicit MLS-MPM solver of one scene: grid, bodies, colliders and walls.
 
     - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
-    - dt: substep [s]; None: 0.81 of the bound of an isolated particle; above 0.83 of it: TimeStepTooLarge. Substeps
-      become smaller where a collider would move more than a quarter of a cell in one.
+    - dt: substep [s]; None: 0.75 of `bound`; above 0.83 of it: TimeStepTooLarge. Substeps become smaller where a
+      collider would move more than a quarter of a cell in one.
     - precision: "f32", "f64" or None (that of `init`).
     - integrator of Hencky strain: "series", accurate for small strain; "exact", by eigenvalues; "auto", by eigenvalues
       where the series is not accurate; None: "auto" in f32, "exact" in f64.
@@ -72,7 +72,7 @@ class Solver(Readings, AbstractContextManager["Solver"]):
 
     @property
     def bound(self) -> float:
-        """Bound of an isolated particle [s]; `dt` is accepted up to `stable_step.ACCEPTED_FRACTION` of it."""
+        """Bound of the substep [s]; `dt` is accepted up to `stable_step.ACCEPTED_FRACTION` of it."""
         return self.settings.bound
 
     @property

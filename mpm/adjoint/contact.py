@@ -110,7 +110,7 @@ def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(),
     for q in range(P.pack_count[None]):
         # the correction moves a particle by a small part of a cell
         if is_near(fields, after.x, q, centre, fields.colliders[index].sdf.radius + 0.6 * fields.cell):
-            v, _B, _f, _masses = gather_pack(fields, P, q)
+            v, _B, _f, _masses, _around = gather_pack(fields, P, q)
             for l in range(LANES):
                 x, free = ti.Vector([P.x[d][q][l] for d in range(3)]), ti.Vector([v[d][l] for d in range(3)])
                 kept = stopped_velocity(fields, x, free, dt)

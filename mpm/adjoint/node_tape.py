@@ -18,7 +18,8 @@ class ParticleAdjoints:
                        for name, fields in particles.named_fields().items() if name != "remainder"}
         self.x, self.v, self.C = (self._named[name] for name in ("x", "v", "C"))
         self.e = self._named.get("e", [])
-        self.j, self.vc = (self._named.get(name, [None])[0] for name in ("j", "vc"))
+        self.j, self.vc, self.around, self.noted = (self._named.get(name, [None])[0]
+                                                    for name in ("j", "vc", "around", "noted"))
         every = [field for fields in self._named.values() for field in fields]
         self.packs = Packs(every, particles.pack_count, np.float64 if precision == "f64" else np.float32)
 

@@ -1,8 +1,9 @@
 """Adjoint of the constitutive update: from adjoints of stress and new state to those of old state and rate."""
 
 from mpm.backend import once, real_type, ti
+from mpm.materials.density import LEAST, density_to_take_up, firmness, share_of
 from mpm.materials.hencky_strain import log1p
-from mpm.materials.material import Material
+from mpm.materials.material import Material, stiffens_with_density
 from mpm.materials.stress_update import LEAST_RATIO, advance_cauchy_green, advance_volume, volume_growth
 from mpm.materials.symmetric_tensor import FULL, JACOBI_SWEEPS, compose, spectrum
 from mpm.materials.tensor_adjoint import (
@@ -113,6 +114,40 @@ def stress_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.te
         e_bar, a_bar = advance_back([once(P.e[i][q]) for i in range(6)], [once(dt * C[i]) for i in range(9)], trial_bar)
         write_list(B.e, q, e_bar)
         return [once(dt * a_bar[i]) for i in range(9)], p_bar
+
+
+@ti.func
+def numbers_back(a: ti.template(), law: ti.template(), q, density, p: ti.template(), bar: ti.template()):
+    """Adjoint of `numbers_of`: return that of a law's numbers, and add that of the density around pack q."""
+    if ti.static(stiffens_with_density(law)):
+        p_bar, firm_bar = law.soften_back(p, firmness(a.fields, a.fields.particles, q, density), bar)
+        a.bars.around[q] = a.bars.around[q] \
+            + firm_bar * share_slope(a.fields.particles.around[q], density * ti.static(a.fields.cell**3))
+        return p_bar
+    else:
+        return bar
+
+
+@ti.func
+def share_slope(around, full):
+    """Return the derivative of `share_of` by the mass around particles [1/kg]; full: that in a packing."""
+    return ti.select((LEAST * full < around) & (around < full), 0.0 * around + 1.0 / full, 0.0 * around)
+
+
+@ti.func
+def take_up_density_back(fields: ti.template(), P: ti.template(), B: ti.template(), q, density):
+    """Adjoint of `take_up_density`; P holds the state before it."""
+    before, after, full = P.around[q], density_to_take_up(P, q), density * ti.static(fields.cell**3)
+    low, high = share_of(before / full), share_of(after / full)
+    is_stiffer = ti.cast(low < high, fields.real)
+    kept, kept_bar = ti.min(low / high, 1.0), 0.0 * before
+    for i in ti.static(range(6)):
+        kept_bar += is_stiffer * P.e[i][q] * B.e[i][q]
+        B.e[i][q] = kept * B.e[i][q]
+    is_new = ti.cast(after != before, fields.real)
+    bar = B.around[q]
+    B.around[q] = (1.0 - is_new) * bar + share_slope(before, full) * kept_bar / high
+    B.noted[q] = B.noted[q] + is_new * bar - share_slope(after, full) * kept_bar * kept / high
 
 
 @ti.func

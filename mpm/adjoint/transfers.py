@@ -2,9 +2,10 @@
 
 from mpm.adjoint.backstop import stop_back
 from mpm.adjoint.side_layers import layers_of, side_of
-from mpm.adjoint.stress_update import read_list, recompute, stress_back
+from mpm.adjoint.stress_update import numbers_back, read_list, recompute, stress_back, take_up_density_back
 from mpm.backend import once, ti
-from mpm.materials.material import PARAMETERS
+from mpm.materials.density import numbers_of, take_up_density
+from mpm.materials.material import PARAMETERS, stiffens_with_density
 from mpm.materials.symmetric_tensor import FULL
 from mpm.materials.tensor_adjoint import bar_of_matrix
 from mpm.state.nodes import stencil
@@ -53,7 +54,12 @@ def gather_body_back(a: ti.template(), fields: ti.template(), P: ti.template(), 
         moved = [once(inside_bar(fields, after.x[d][q][l], B.x[d][q][l], d, dt)) for d in range(3)]
         u = [once(B.v[r][q][l] + dt * moved[r] - G[3 * r] * f[0] - G[3 * r + 1] * f[1] - G[3 * r + 2] * f[2])
              for r in range(3)]
-        q0, a0 = ti.Vector([u[0], u[1], u[2], zero]), ti.Vector([G[0], G[3], G[6], zero])
+        mass_bar = zero
+        if ti.static(fields.features.density_state):  # noqa: SIM102  (decided when compiling)
+            if dt > 0:  # what was noted then replaced what was before
+                mass_bar = B.noted[q][l]
+                B.noted[q][l] = 0.0
+        q0, a0 = ti.Vector([u[0], u[1], u[2], mass_bar]), ti.Vector([G[0], G[3], G[6], zero])
         a1, a2 = ti.Vector([G[1], G[4], G[7], zero]), ti.Vector([G[2], G[5], G[8], zero])
         layers = ti.static(layers_of(fields, side_of(after, q, l)))
         scatter(a.nodes.bars, layers, node, q0, a0, a1, a2, w)
@@ -86,18 +92,29 @@ def scatter_body_back(a: ti.template(), fields: ti.template(), P: ti.template(),
                       step: ti.template(), law: ti.template(), body):
     """Reverse the scatter of one body, in three loops: in one the compiler takes everything apart into scalars."""
     p = [once(fields.parameters.law[body, i]) for i in range(PARAMETERS)]
-    ends = P.range_table[body]
+    ends, density = P.range_table[body], fields.parameters.densities[body]
+    if ti.static(stiffens_with_density(law)):  # noqa: SIM102  (decided when compiling)
+        if step.transfer_mass > 0:
+            for q in range(ends[0], ends[1]):
+                take_up_density(fields, P, q, density)
     for q in range(ends[0], ends[1]):
-        recompute(P, T, law, q, step.strain, read_list(P.C, q), p)
-    transfer_back(a, fields, P, B, T.tau, fields.parameters.densities[body] * ti.cast(step.transfer_mass, fields.real),
+        recompute(P, T, law, q, step.strain, read_list(P.C, q), numbers_of(fields, P, law, q, density, p))
+    transfer_back(a, fields, P, B, T.tau, density * ti.cast(step.transfer_mass, fields.real),
                   -step.kick * 4.0 / (fields.cell * fields.cell), ends[0], ends[1])
     for q in range(ends[0], ends[1]):
-        rate_bar, p_bar = stress_back(P, B, T, law, q, step.strain, read_list(P.C, q), p)
+        rate_bar, numbers_bar = stress_back(P, B, T, law, q, step.strain, read_list(P.C, q),
+                                            numbers_of(fields, P, law, q, density, p))
+        p_bar = numbers_back(a, law, q, density, p, numbers_bar)
         for i in ti.static(range(9)):
             B.C[i][q] = B.C[i][q] + rate_bar[i]
         if ti.static(a.materials):
             for i in ti.static(range(len(p_bar))):
                 a.parameter_bars[body, i] = a.parameter_bars[body, i] + ti.cast(p_bar[i].sum(), ti.f64)
+    if ti.static(stiffens_with_density(law)):  # noqa: SIM102  (decided when compiling)
+        if step.transfer_mass > 0:
+            a.history.restore_from(step.slot, STRAINS)
+            for q in range(ends[0], ends[1]):
+                take_up_density_back(fields, P, B, q, density)
 
 
 @ti.func

@@ -12,7 +12,6 @@ from mpm.batch.environment_numbers import EnvironmentNumbers, NumbersKernel
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose, Wrench
 from mpm.materials.material import Material
-from mpm.materials.stable_step import material_bound
 from mpm.motion.collider_paths import ColliderPaths
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.diagnostics import describe_divergence, warn_of_held
@@ -245,8 +244,7 @@ class Batch:
 
     def _interval(self, e: int) -> float:
         """Return the longest stride [s] of an environment's materials."""
-        bound = min(material_bound(self._core.scene.grid.cell, material) for material in self._numbers.materials[e])
-        return choose_interval(self._core.numerics.transfer_interval, self._core.scene, bound)
+        return choose_interval(self._core.numerics.transfer_interval, self._core.scene, self._numbers.materials[e])
 
     def _check(self, durations: np.ndarray, readings: np.ndarray) -> None:
         """Raise InvalidValue for what no environment can do, before any starts."""

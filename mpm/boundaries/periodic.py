@@ -93,14 +93,17 @@ def mark_images(fields: ti.template(), step: ti.template(), first, last):
 @ti.func
 def unfold_periodic(fields: ti.template(), step: ti.template(), first, last):
     """Phase: give images the velocity of their home nodes, and each its own mass, which the next substep may need.
-    In active blocks first .. last - 1."""
+    At the end of a stride both keep what is folded there, by which particles note the density. In active blocks first
+    .. last - 1."""
+    whole = ti.static(fields.features.density_state and not fields.features.sleep) and step.span > 0
     for n in range(first, last):
         block = fields.grid.active[n]
         for m in range(BLOCK**3 // step.threads):
             I = node_of(block, step.threads * m + step.thread)
             home = home_node(fields, I)
             if (home == I).all():
-                fields.grid.nodes[I][3] = fields.grid.nodes[I][3] - sum_images(fields, I, step.stamp)[3]
+                if not whole:
+                    fields.grid.nodes[I][3] = fields.grid.nodes[I][3] - sum_images(fields, I, step.stamp)[3]
             elif fields.grid.nodes[I][3] < 0:
                 u = fields.grid.nodes[home]
-                fields.grid.nodes[I] = ti.Vector([u[0], u[1], u[2], -fields.grid.nodes[I][3]])
+                fields.grid.nodes[I] = ti.Vector([u[0], u[1], u[2], ti.select(whole, u[3], -fields.grid.nodes[I][3])])

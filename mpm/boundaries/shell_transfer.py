@@ -51,6 +51,8 @@ def gather_across_shells(fields: ti.template(), step: ti.template(), first, last
             for c in ti.static(range(3)):
                 fields.particles.C[3 * r + c][slot[0]][slot[1]] = gradient * (moment[c][r] - v[r] * f[c])
         if dt > 0:
+            if ti.static(fields.features.density_state):
+                fields.particles.noted[slot[0]][slot[1]] = value[3]
             v = stop_at_barriers(fields, step, place_on_list(fields, n), v, fields.shells.mass[n], dt)
         for r in ti.static(range(3)):
             fields.particles.v[r][slot[0]][slot[1]] = v[r]  # not the pack: another thread may hold a lane of it

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from mpm.backend import ti
+from mpm.backend import once, ti
 from mpm.errors import InvalidValue, UnknownName
 from mpm.materials.elasticity import Hencky
 from mpm.materials.material import check_range
@@ -63,6 +63,19 @@ class DruckerPrager(Hencky):
 
     @staticmethod
     @ti.func
+    def soften(p: ti.template(), firm):
+        """Return p of particles with a share of the stiffness; apex and largest tension keep their stress."""
+        return [once(firm * p[0]), once(firm * p[1]), p[2], once(p[3] / firm), once(p[4] / firm)]
+
+    @staticmethod
+    @ti.func
+    def soften_back(p: ti.template(), firm, bar: ti.template()):
+        """Return the adjoints of p and of the share."""
+        return [once(firm * bar[0]), once(firm * bar[1]), bar[2], once(bar[3] / firm), once(bar[4] / firm)], \
+            p[0] * bar[0] + p[1] * bar[1] - (p[3] * bar[3] + p[4] * bar[4]) / (firm * firm)
+
+    @staticmethod
+    @ti.func
     def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template(), dt):
         """Return (h, vc): scale the deviator onto the cone at constant volume, cut tension off."""
         return map_onto_cone(h, vc, p, dt, False)
@@ -117,6 +130,19 @@ class MuIRheology(DruckerPrager):
         bulk = self.lam + 2.0 / 3.0 * self.mu
         kappa = math.sqrt(bulk / self.grain_density) * self.inertial_number / (math.sqrt(2.0) * self.grain_diameter)
         return (*super().parameters, ratio, kappa)
+
+    @staticmethod
+    @ti.func
+    def soften(p: ti.template(), firm):
+        q = DruckerPrager.soften(p, firm)
+        return [q[0], q[1], q[2], q[3], q[4], p[5], once(p[6] * ti.sqrt(firm))]
+
+    @staticmethod
+    @ti.func
+    def soften_back(p: ti.template(), firm, bar: ti.template()):
+        root = ti.sqrt(firm)
+        q, firm_bar = DruckerPrager.soften_back(p, firm, bar)
+        return [q[0], q[1], q[2], q[3], q[4], bar[5], once(root * bar[6])], firm_bar + 0.5 * p[6] * bar[6] / root
 
     @staticmethod
     @ti.func

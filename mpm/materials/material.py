@@ -41,12 +41,16 @@ class Material(Protocol):
         velocity gradient [1/s], nine entries row by row.
     return_mapping(h, vc, p, dt) -> (h, vc) after the plastic flow of dt [s], from those of the elastic trial state; vc
         is the logarithmic expansion that the law remembers, 0 for a law without volume correction.
+    soften(p, firm) -> the numbers of particles with a share of the stiffness, where the material around them is less
+        dense: with all elastic moduli times `firm`, and the same stress where it yields. Not with the state "volume";
+        a law without it is as stiff everywhere, and takes a smaller time step.
     viscosity -> largest dynamic viscosity [Pa s] of a stress that depends on C: it bounds the time step. A law without
         it has none.
     energy_density(stretches) -> elastic energy [J/m^3] (n,) at principal stretches (n, 3), for NumPy arrays; not
         for the state "volume".
-    stress_back(state, p, tau_bar) -> (state_bar, p_bar), and return_mapping_back(h, vc, p, dt, h_bar, vc_bar, soft)
-        -> (h_bar, vc_bar, p_bar): the adjoints, which only differentiable rollouts need."""
+    stress_back(state, p, tau_bar) -> (state_bar, p_bar), return_mapping_back(h, vc, p, dt, h_bar, vc_bar, soft)
+        -> (h_bar, vc_bar, p_bar), and soften_back(p, firm, p_bar) -> (p_bar, firm_bar): the adjoints, which only
+        differentiable rollouts need."""
 
     @property
     def density(self) -> float:
@@ -86,6 +90,11 @@ class Material(Protocol):
         ...
 
 
+def stiffens_with_density(law: Material) -> bool:
+    """Return whether a law is softer where the material is looser than a packing, see `firmness`."""
+    return hasattr(law, "soften")
+
+
 def check_material(law: Any) -> None:
     """Raise InvalidValue for an object that lacks what `Material` asks for."""
     name = type(law).__name__
@@ -104,6 +113,8 @@ def check_material(law: Any) -> None:
     if law.state not in STATES or (law.plastic and law.state != "hencky"):
         raise InvalidValue(f"Body: material {name} has the state {law.state!r}, plastic = {law.plastic}; accepted: "
                            f"{', '.join(STATES)}, and \"hencky\" for a plastic law")
+    if law.state == "volume" and stiffens_with_density(law):
+        raise InvalidValue(f"Body: material {name} has the state 'volume' and `soften`; accepted: one of them")
     if len(law.parameters) > PARAMETERS:
         raise InvalidValue(f"Body: material {name} has {len(law.parameters)} parameters; accepted: {PARAMETERS} or "
                            f"fewer")

@@ -1,6 +1,7 @@
 """The constitutive update: the state of a pack of particles advanced by a substep, and its stress."""
 
 from mpm.backend import once, ti
+from mpm.materials.density import numbers_of
 
 LEAST_RATIO = 2.0**-20
 """Smallest volume ratio J of a fluid: below it, J - 1 has no digits in single precision."""
@@ -104,12 +105,14 @@ def map_and_store(fields: ti.template(), P: ti.template(), law: ti.template(), q
 
 
 @ti.func
-def current_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, p: ti.template()):
-    """Return the Kirchhoff stress [Pa] of pack q as it is: what `update_stress` gives for no time, nothing stored."""
+def current_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, body, p: ti.template()):
+    """Return the Kirchhoff stress [Pa] of pack q of a body as it is: what `update_stress` gives for no time, nothing
+    stored."""
     C = [once(P.C[i][q]) for i in range(9)]
+    numbers = numbers_of(fields, P, law, q, fields.parameters.densities[body], p)
     if ti.static(law.state == "volume"):
-        return law.stress(once(P.j[q]), C, p)
+        return law.stress(once(P.j[q]), C, numbers)
     elif ti.static(law.state == "cauchy_green"):
-        return law.stress([once(P.e[i][q]) for i in range(6)], p)
+        return law.stress([once(P.e[i][q]) for i in range(6)], numbers)
     else:
-        return law.stress(fields.logarithm([once(P.e[i][q]) for i in range(6)]), p)
+        return law.stress(fields.logarithm([once(P.e[i][q]) for i in range(6)]), numbers)

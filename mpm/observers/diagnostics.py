@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.errors import GrainsLeaveGrid, SimulationDiverged
+from mpm.materials.density import LEAST
+from mpm.materials.material import stiffens_with_density
 from mpm.observers.readings import Momentum, Readings
 from mpm.state.particles import AT_WALL
 
@@ -63,7 +65,11 @@ def compute_energy(r: Readings) -> Energy:
             elastic += 0.5 * body.material.lam * np.einsum("i,i,i->", volume[chosen], held, held)
         elif e is not None:
             stretches = np.sqrt(np.maximum(1.0 + eigenvalues(e[:, chosen]), 1e-30)).T
-            elastic += np.einsum("i,i->", volume[chosen], body.material.energy_density(stretches))
+            density = body.material.energy_density(stretches)
+            if stiffens_with_density(body.material):
+                around = r.particles.read([r.particles.around])[chosen, 0].astype(float)
+                density *= np.clip(around / (body.material.density * r.scene.grid.cell**3), LEAST, 1.0)
+            elastic += np.einsum("i,i->", volume[chosen], density)
     return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ r.scene.gravity), float(elastic))
 
 

@@ -39,7 +39,7 @@ class StressReader:
                     for index, law in ti.static(enumerate(self.fields.laws)):
                         if self.fields.parameters.law_index[body] == index:
                             p = [once(self.fields.parameters.law[body, i]) for i in range(PARAMETERS)]
-                            tau = current_stress(self.fields, self.fields.particles, law, q, p)
+                            tau = current_stress(self.fields, self.fields.particles, law, q, body, p)
                             for i in ti.static(range(6)):
                                 for l in ti.static(range(LANES)):
                                     out[i, q, l] = tau[i][l]

@@ -11,6 +11,7 @@ from mpm.adjoint.shell_contact import stop_at_shells_back
 from mpm.adjoint.transfers import gather_back, scatter_back
 from mpm.adjoint.wall_ghosts import fold_walls_back, unfold_walls_back
 from mpm.errors import InvalidValue
+from mpm.materials.material import stiffens_with_density
 from mpm.state.fields import Fields
 from mpm.stepping.core import Core
 from mpm.stepping.phases import phases_of
@@ -64,7 +65,8 @@ def check_differentiable(core: Core) -> None:
                            f"the others static")
     for body in core.scene.bodies:
         law = type(body.material)
-        for function in ["stress", "return_mapping"] if law.plastic else ["stress"]:
+        functions = ["stress", *["return_mapping"] * law.plastic, *["soften"] * stiffens_with_density(body.material)]
+        for function in functions:
             check_adjoint(law, function, "a law", "mpm.materials.material.Material")
     for condition in core.fields.wall_conditions:
         check_adjoint(type(condition), "slide", "a wall condition", "mpm.scene.wall_condition.WallCondition")

@@ -19,6 +19,7 @@ from mpm.rollout.kernel import AdjointKernel
 from mpm.rollout.losses import Loss, LossGradient, RolloutStates
 from mpm.rollout.phases import check_differentiable
 from mpm.rollout.schedule import RolloutOptions, Schedule, plan_schedule
+from mpm.scene.body import largest_volume
 from mpm.scene.validation import read_real
 from mpm.state.packs import LANES
 from mpm.state.particles import SPEED_LIMIT
@@ -46,7 +47,8 @@ class Rollout:
         self.solver, self._core, self.n_steps = solver, core, int(n_steps)
         self.step_dt, self.window = float(step_dt), given.window
         self.substeps = given.substeps or max(1, math.ceil(step_dt / core.dt - 1e-9))
-        longest_dt = min(accepted_bound(core.scene.grid.cell, body.material) for body in core.scene.bodies)
+        longest_dt = min(accepted_bound(core.scene.grid.cell, body.material, largest_volume(core.scene.bodies))
+                         for body in core.scene.bodies)
         if self.step_dt / self.substeps > longest_dt:
             raise InvalidValue(f"Rollout: {self.substeps} substeps of a step of {step_dt} s; accepted: "
                                f"{math.ceil(step_dt / longest_dt)} or more")
@@ -151,7 +153,8 @@ class Rollout:
             if self._tool is None and array.any():
                 raise InvalidValue(f"Rollout: {name} moves a tool, and the scene has none; accepted: None")
         check_step(self.step_dt / self.substeps, self._core.scene.grid.cell,
-                   [body.material for body in self._core.scene.bodies], "of the materials now")
+                   [body.material for body in self._core.scene.bodies], "of the materials now",
+                   largest_volume(self._core.scene.bodies))
         self._linear, self._angular = arrays
         start = Pose.identity()
         if self._tool is not None:

@@ -53,6 +53,11 @@ def with_volume(body: Body, volume: float) -> Body:
     return with_values(body, volume=float(volume))
 
 
+def largest_volume(bodies: list[Body]) -> float:
+    """Return the volume [m^3] of the largest particle of some bodies."""
+    return max(float(np.max(body.volume)) for body in bodies)
+
+
 def half_edge(volume: float) -> float:
     """Return half the edge [m] of a particle's cube."""
     return 0.5 * float(np.cbrt(volume))

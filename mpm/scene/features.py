@@ -6,6 +6,7 @@ import numpy as np
 
 from mpm.backend import is_concurrent, is_shared
 from mpm.errors import InvalidValue
+from mpm.materials.material import stiffens_with_density
 from mpm.scene.body import Body
 from mpm.scene.scene import Numerics, Scene
 
@@ -24,6 +25,8 @@ class Features:
     """Particles of a law store e = b - I."""
     volume_state: bool
     """Particles of a law store J - 1."""
+    density_state: bool
+    """Particles of a law are as stiff as the material around them is dense."""
     body_acceleration: bool
     """Every particle has an acceleration of its own besides gravity."""
     periodic: tuple[bool, bool, bool]
@@ -104,8 +107,9 @@ def features_of(scene: Scene, numerics: Numerics, *, strides: bool = True, body_
     return Features(precision=numerics.precision or "", integrator=numerics.integrator or "",
                     volume_correction=any(b.material.has_volume_correction for b in bodies),
                     tensor_state=any(b.material.state != "volume" for b in bodies),
-                    volume_state=any(b.material.state == "volume" for b in bodies), body_acceleration=body_acceleration,
-                    strides=strides, periodic=periodic, serial=not is_concurrent(),
+                    volume_state=any(b.material.state == "volume" for b in bodies),
+                    density_state=any(stiffens_with_density(b.material) for b in bodies),
+                    body_acceleration=body_acceleration, strides=strides, periodic=periodic, serial=not is_concurrent(),
                     moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
                     shells=tuple(i for i in range(len(colliders)) if thin[i]), mobile=mobile,
                     static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]), sleep=sleep,

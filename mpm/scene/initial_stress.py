@@ -10,7 +10,7 @@ from mpm.materials.material import Material
 from mpm.materials.newtonian_fluid import NewtonianFluid
 from mpm.scene.validation import check_finite, read_real
 
-ROUNDS = 30
+ROUNDS = 60
 """Fixed-point rounds for the change of volume under a stress; each multiplies its error by a strain."""
 LARGEST_STRAIN = 0.3  # logarithmic strain up to which a stress is accepted
 COLUMN = 2.0

@@ -49,7 +49,7 @@ def field_memory(grid: Grid, counts: tuple[int, ...], features: Features, parts:
     each_block = (24.0 + 4.0 * bool(features.solids or features.shells)) * layers + 24.0 * features.sleep
     each_block += 4.0 * bool(features.static_colliders)
     named = 15 + 6 * features.tensor_state + features.volume_state + features.volume_correction
-    named += 5 * features.sleep
+    named += 5 * features.sleep + features.density_state
     named += 3 * (features.precision == "f32") + 3 * features.body_acceleration + 2 * bool(features.shells) + 1
     named += bool(features.static_colliders or features.moving_colliders)
     lanes = sum(-(-count // LANES) * LANES for count in counts)

@@ -5,6 +5,8 @@ import numpy as np
 from mpm.backend import is_shared, put, real_type, ti
 from mpm.backend.launching import Launcher
 from mpm.errors import InvalidValue
+from mpm.materials.density import LEAST, mass_around
+from mpm.materials.material import stiffens_with_density
 from mpm.scene.body import Body
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid
@@ -23,6 +25,7 @@ class ParticleFields:
 
     def __init__(self, counts: tuple[int, ...], features: Features) -> None:
         real = real_type(features.precision)
+        self._periodic = features.periodic
         self.counts, self.dtype = list(counts), np.float64 if features.precision == "f64" else np.float32
         packs = [-(-count // LANES) for count in self.counts]
         ends = np.cumsum(packs)
@@ -59,6 +62,10 @@ class ParticleFields:
         self.j = pack_field() if features.volume_state else None  # J - 1, with J the volume ratio of a fluid
         self.vc = pack_field() if features.volume_correction else None
         """Volume correction: logarithmic expansion to be recovered."""
+        self.around = pack_field() if features.density_state else None
+        """Mass [kg] of the nodes around a particle, by its weights: what its stiffness is of, see `firmness`."""
+        self.noted = pack_field() if features.density_state else None
+        """That mass when the particle last took up velocities, see `take_up_density`."""
         self.acceleration = [pack_field() for _ in range(3)] if features.body_acceleration else []
         """Acceleration of a particle besides gravity [m/s^2]."""
         self.side = pack_field() if features.shells else None
@@ -77,7 +84,7 @@ class ParticleFields:
         state = [field for named in self.named_fields().values() for field in named]
         self.state_fields = state  # all fields of the state, in the order of `named_fields`: x, v and C first
         others = [field for field in (self.volume, self.half, self.gap) if field is not None]
-        strain = [*self.e, *(field for field in (self.j, self.vc) if field is not None)]
+        strain = [*self.e, *(field for field in (self.j, self.vc, self.around) if field is not None)]
         self.kept_strain = strain if features.sleep else []
         """Fields that the constitutive update changes, and that lanes which sleep keep."""
         self._all = Packs([*state, *others], self.pack_count, self.dtype)
@@ -90,23 +97,32 @@ class ParticleFields:
                       for body, n in zip(bodies, self.counts)]
         unstrained = self.state_fields[len(self.x) + len(self.v):]
         self.write(unstrained, np.zeros((len(self.index), len(unstrained))))
-        self._strain(bodies)
-        self.write(self.x, np.concatenate([body.positions for body in bodies]) - grid.origin)
+        masses = np.concatenate([body.material.density * volume for body, volume in zip(bodies, volumes)])
+        places = np.concatenate([body.positions for body in bodies]) - grid.origin
+        around = mass_around(places / grid.cell, masses, np.where(self._periodic, grid.cells, 0))
+        self._strain(bodies, around / grid.cell**3)
+        self.write(self.x, places)
         self.write(self.v, np.concatenate(velocities))
         self.write([self.volume], np.concatenate(volumes)[:, None], padding=0.0)
         if self.half is not None:
             self.write([self.half], 0.5 * np.cbrt(np.concatenate(volumes))[:, None], padding=0.0)
         if self.gap is not None:
             self.write([self.gap], np.zeros((len(self.index), 1)))
+        if self.around is not None:
+            self.write([self.around, self.noted], np.stack([around, around], 1), padding=0.0)
 
-    def _strain(self, bodies: list[Body]) -> None:
-        """Write the strain of bodies that begin under a stress."""
+    def _strain(self, bodies: list[Body], densities: np.ndarray) -> None:
+        """Write the strain of bodies that begin under a stress; densities: around their particles [kg/m^3] (n,)."""
         ends = np.cumsum(self.counts)
         for fields, is_fluid in ((self.e, False), ([] if self.j is None else [self.j], True)):
             strain = np.zeros((len(self.index), len(fields)))
             for body, end in zip(bodies, ends):
                 if body.stress is not None and (body.material.state == "volume") == is_fluid:
-                    strain[end - len(body.positions) : end] = state_under(body.material, body.stress)
+                    chosen = slice(end - len(body.positions), end)
+                    firm = np.ones(len(body.positions))
+                    if stiffens_with_density(body.material):
+                        firm = np.clip(densities[chosen] / body.material.density, LEAST, 1.0)
+                    strain[chosen] = state_under(body.material, body.stress / firm[:, None, None])
             if strain.any():
                 self.write(fields, strain)
 
@@ -166,7 +182,9 @@ class ParticleFields:
             named["rest_place"] = self.rest_place
         if self.remainder:
             named["remainder"] = self.remainder
-        for name, field in (("j", self.j), ("vc", self.vc), ("side", self.side), ("rest", self.rest)):
+        for name, field in (("j", self.j), ("vc", self.vc), ("around", self.around), ("noted", self.noted),
+                            ("side", self.side),
+                            ("rest", self.rest)):
             if field is not None:
                 named[name] = [field]
         return named

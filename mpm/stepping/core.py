@@ -7,12 +7,13 @@ import numpy as np
 from mpm.backend import default_precision, is_shared, ti
 from mpm.backend.assembly import Tenure
 from mpm.boundaries.node_contact import cache_static_contact
-from mpm.materials.stable_step import choose_step, material_bound
+from mpm.materials.stable_step import choose_step
 from mpm.motion.collider_paths import ColliderPaths
 from mpm.motion.mobility_table import MobilityTable
 from mpm.observers.reading_kernels import Sample
 from mpm.observers.readings import Progress, Readings
 from mpm.observers.region_counter import RegionCounter
+from mpm.scene.body import largest_volume
 from mpm.scene.features import features_of
 from mpm.scene.grid import ROUNDING
 from mpm.scene.scene import Numerics, Scene
@@ -32,11 +33,11 @@ class Core:
         self.scene, self.numerics, self._has_accelerations = scene, numerics, has_accelerations
         self.precision, self.sleep = numerics.precision or "", float(numerics.sleep)
         materials = [body.material for body in scene.bodies]
-        self.dt = choose_step(numerics.dt, scene.grid.cell, materials)  # largest substep [s]
+        volume = largest_volume(scene.bodies)
+        self.dt = choose_step(numerics.dt, scene.grid.cell, materials, volume)  # largest substep [s]
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
-        bound = min(material_bound(scene.grid.cell, material) for material in materials)
-        interval = choose_interval(numerics.transfer_interval, scene, bound)
+        interval = choose_interval(numerics.transfer_interval, scene, materials)
         self.features = features_of(scene, numerics, body_acceleration=has_accelerations,
                                     strides=longest_stride(interval, self.dt) > 1)
         self.mobility = MobilityTable(self.features.mobile)
@@ -87,7 +88,8 @@ class Core:
     @property
     def transfer_interval(self) -> float:
         """Longest stride [s] with the current materials and colliders."""
-        return choose_interval(self.numerics.transfer_interval, self.scene, self.settings.bound)
+        return choose_interval(self.numerics.transfer_interval, self.scene,
+                               [body.material for body in self.scene.bodies])
 
     def state(self) -> dict[str, np.ndarray]:
         """Return the state, for a bitwise identical continuation; it has no parameters such as gravity."""

@@ -6,7 +6,7 @@ from mpm.errors import InvalidValue
 from mpm.materials.material import Material
 from mpm.materials.stable_step import check_step, material_bound
 from mpm.observers.readings import Readings
-from mpm.scene.body import half_edge, with_volume
+from mpm.scene.body import half_edge, largest_volume, with_volume
 from mpm.scene.collider import check_friction
 from mpm.scene.validation import check_finite, with_values
 from mpm.stepping.rollback import Rollback
@@ -19,10 +19,11 @@ class Settings:
     def __init__(self, readings: Readings, rollback: Rollback, dt: float, sleep: float) -> None:
         self._readings, self._rollback, self._dt, self._sleep = readings, rollback, dt, sleep
         self._scene, self._progress = readings.scene, readings.progress
-        self.bound = self._find_bound()  # bound of the substep of an isolated particle [s]
+        self.bound = self._find_bound()  # of the substep [s], of which parts are accepted
 
     def _find_bound(self) -> float:
-        return min(material_bound(self._scene.grid.cell, body.material) for body in self._scene.bodies)
+        volume = largest_volume(self._scene.bodies)
+        return min(material_bound(self._scene.grid.cell, body.material, 1.0, volume) for body in self._scene.bodies)
 
     def set_gravity(self, gravity: np.ndarray) -> None:
         """Set gravity [m/s^2] (3,); wakes all particles."""
@@ -61,7 +62,7 @@ class Settings:
         rates = [getattr(law, "volume_rate", "") for law in (material, old)]
         if rates[0] != rates[1]:
             raise InvalidValue(f"set_material: volume_rate = {rates[0]!r}; accepted: {rates[1]!r}, that of the scene")
-        check_step(self._dt, self._scene.grid.cell, [material])
+        check_step(self._dt, self._scene.grid.cell, [material], volume=largest_volume(self._scene.bodies))
 
     def set_volume(self, index: int, volume: float) -> None:
         """Set the initial volume [m^3] of every particle of a body; particles stay where they are.

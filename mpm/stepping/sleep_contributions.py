@@ -30,7 +30,7 @@ def apply_changes(fields: ti.template()):
                 for q in range(ends[0], ends[1]):
                     changed = fields.sleepers.lanes_asleep[q] ^ fields.sleepers.lanes_summed[q]
                     if changed != 0:
-                        tau = current_stress(fields, fields.particles, law, q, p)
+                        tau = current_stress(fields, fields.particles, law, q, body, p)
                         change_pack(fields, fields.particles, q, changed, fields.parameters.densities[body], tau)
     write_changed_blocks(fields)
     list_awake_packs(fields)

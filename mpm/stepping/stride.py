@@ -14,7 +14,8 @@ momentum and angular momentum are kept, and the path of free fall is exact."""
 from mpm.backend import ti
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import LINEAR
-from mpm.materials.stable_step import TRAVEL_FRACTION
+from mpm.materials.material import Material
+from mpm.materials.stable_step import TRAVEL_FRACTION, lone_bound
 from mpm.motion.mobile_motion import TWIST
 from mpm.scene.scene import Interval, Scene
 from mpm.state.packs import LANES, count_packs, pack_at
@@ -28,7 +29,8 @@ STRAINED, MANY, SHORT = 0.06, 0.2, 2.3
 The force of a stress that turns with the velocity gradient, at a place that stays, is not the derivative of an energy:
 with 5 % of strain and twelve substeps a lateral vibration of an elastic block grows. A few particles do no harm."""
 LONGEST = 9.0
-"""Default length of a stride, in largest stable substeps: twelve of the default length. A column's rim is then within
+"""Default length of a stride, in substeps at which a lone particle is stable: twelve of the default length, or seven of
+a law that stiffens with density. A column's rim is then within
 1.1 % of its reference at Courant numbers from 0.1 to 0.55, and there is one kick more for twelve."""
 
 
@@ -36,8 +38,8 @@ MAX_SUBSTEPS = 64
 """Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
 
 
-def choose_interval(interval: Interval, scene: Scene, bound: float) -> float:
-    """Return the longest stride [s]: `interval`, or where that is None `LONGEST` times the bound [s].
+def choose_interval(interval: Interval, scene: Scene, materials: list[Material]) -> float:
+    """Return the longest stride [s]: `interval`, or where that is None `LONGEST` bounds of a lone particle.
     None means a single substep, 0, in two cases. Transfers are all that damps a fluid's noise: the thrust on a gate
     falls by a tenth within two seconds otherwise. And where contact moves a collider, a host cuts time as it likes: a
     swing through sand must not depend on its steps, unless "strides" says that these are known and long. Raises
@@ -45,7 +47,8 @@ def choose_interval(interval: Interval, scene: Scene, bound: float) -> float:
     if interval is None and any(collider.mobile for collider in scene.colliders):
         return 0.0
     if interval is None or interval == "strides":
-        return 0.0 if any(body.material.state == "volume" for body in scene.bodies) else LONGEST * bound
+        return 0.0 if any(body.material.state == "volume" for body in scene.bodies) \
+            else LONGEST * min(lone_bound(scene.grid.cell, law) for law in materials)
     if isinstance(interval, str) or not interval >= 0:
         raise InvalidValue(f"Solver: transfer_interval = {interval!r}; accepted: a time [s], 0, \"strides\" or None")
     return float(interval)

@@ -1,7 +1,8 @@
 """Particle to grid: the constitutive update of particles, and the scatter of stress, momentum and mass, in one loop."""
 
 from mpm.backend import once, ti
-from mpm.materials.material import PARAMETERS
+from mpm.materials.density import numbers_of, take_up_density
+from mpm.materials.material import PARAMETERS, stiffens_with_density
 from mpm.materials.stress_update import update_stress
 from mpm.materials.symmetric_tensor import FULL
 from mpm.scene.grid import BLOCK
@@ -43,7 +44,11 @@ def scatter_body(fields: ti.template(), P: ti.template(), step: ti.template(), l
         q = pack_at(fields, place)
         C = [once(P.C[i][q]) for i in range(9)]
         before = [once(field[q]) for field in P.kept_strain]
-        tau = update_stress(fields, P, law, q, step.strain, with_mean_rate(fields, P, law, q, C), p)
+        if ti.static(stiffens_with_density(law)):  # noqa: SIM102  (decided when compiling)
+            if step.transfer_mass > 0:
+                take_up_density(fields, P, q, density)
+        tau = update_stress(fields, P, law, q, step.strain, with_mean_rate(fields, P, law, q, C),
+                            numbers_of(fields, P, law, q, density, p))
         keep_strain_of_sleepers(fields, P, q, before)
         volume = P.volume[q]
         mass = density * volume

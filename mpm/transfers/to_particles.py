@@ -7,6 +7,7 @@ from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES, active_lanes, lowest_bit, pack_at
 from mpm.state.particle_motion import drift_after, mark_active_lanes, move_pack, stop_pack
 from mpm.state.particles import SPEED_LIMIT
+from mpm.state.sleepers import sleeping_lanes
 from mpm.state.stencil import NodeValues, SingleLayer, gather, lane_weights, moments, weights
 
 
@@ -39,7 +40,7 @@ def gather_and_move(fields: ti.template(), P: ti.template(), step: ti.template()
     squares = fastest
     for place in range(first, last):
         q = pack_at(fields, place)
-        v, B, f, masses = gather_pack(fields, P, q)
+        v, B, f, masses, around = gather_pack(fields, P, q)
         gradient = 4.0 / fields.cell
         for r in ti.static(range(3)):
             for c in ti.static(range(3)):
@@ -49,6 +50,8 @@ def gather_and_move(fields: ti.template(), P: ti.template(), step: ti.template()
         for r in ti.static(range(3)):
             P.v[r][q] = v[r]
         if dt > 0:
+            if ti.static(fields.features.density_state):
+                note_density(fields, P, q, around)
             for r in ti.static(range(3)):
                 displacement = dt * v[r]
                 if ti.static(len(P.remainder) > 0 and len(fields.features.shells) > 0):
@@ -60,6 +63,15 @@ def gather_and_move(fields: ti.template(), P: ti.template(), step: ti.template()
         fastest = ti.max(fastest, v2)
         squares += v2 + masses
     note_speeds(P, fastest.max(), squares.sum())
+
+
+@ti.func
+def note_density(fields: ti.template(), P: ti.template(), q, around):
+    """Note the mass [kg] around the lanes of pack q that are updated."""
+    if ti.static(fields.features.sleep):
+        P.noted[q] = ti.select(sleeping_lanes(fields, q) > 0, P.noted[q], around)
+    else:
+        P.noted[q] = around
 
 
 @ti.func
@@ -87,8 +99,8 @@ def check_speeds(fields: ti.template(), step: ti.template(), first, last):
 
 @ti.func
 def gather_pack(fields: ti.template(), P: ti.template(), q):
-    """Return velocity (three packs) at pack q, its moments about the first node, per cell (nine), the offsets, and what
-    the nodes' masses add up to: of use only where one is not finite."""
+    """Return velocity (three packs) at pack q, its moments about the first node, per cell (nine), the offsets, what the
+    nodes' masses and their moments add up to, of use only where one is not finite, and these masses [kg] alone."""
     base, f = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
     # four numbers a node, the mass too, stored together and all used: only then LLVM makes them one vector
@@ -104,7 +116,7 @@ def gather_pack(fields: ti.template(), P: ti.template(), q):
             rows[i][l, c] = sums[i][c]
     packs = [[once(ti.Vector([row[l, c] for l in range(LANES)])) for row in rows] for c in range(4)]
     return ([each[0] for each in packs[:3]], [each[i] for each in packs[:3] for i in range(1, 4)], f,
-            once(packs[3][0] + packs[3][1] + packs[3][2] + packs[3][3]))
+            once(packs[3][0] + packs[3][1] + packs[3][2] + packs[3][3]), packs[3][0])
 
 
 @ti.func

@@ -17,7 +17,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import FieldConfig
 from robosim.config.scene_config import SceneConfig
 from robosim.config.tool import ToolConfig
-from robosim.scene.grains import CONTAINER_SPACING, CONTAINER_WALL, Filling, fill
+from robosim.scene.grains import CONTAINER_SPACING, CONTAINER_WALL, Filling, fill, grain_volume
 from robosim.scene.models import container_shape
 from robosim.shapes import ToolShape, tool_shape
 
@@ -101,12 +101,12 @@ def head_orifices(scene: SceneConfig, grain_diameter: float | None) -> list[mpm.
 def requested_step(scene: SceneConfig, law: Law) -> float | None:
     """Return the scene's own substep [s]; None where the law is too stiff for it and the solver chooses."""
     dt = scene.field.dt
-    return None if dt is None or dt > accepted_bound(scene.field.cell, law) else dt
+    return None if dt is None or dt > accepted_bound(scene.field.cell, law, grain_volume(scene)) else dt
 
 
 def largest_step(scene: SceneConfig, law: Law) -> float:
     """Return the largest substep [s] that a scene's field takes with a law."""
-    return choose_step(requested_step(scene, law), scene.field.cell, [law])
+    return choose_step(requested_step(scene, law), scene.field.cell, [law], grain_volume(scene))
 
 
 def choose_region(config: RehearsalConfig) -> RehearsalConfig:
@@ -161,8 +161,9 @@ def check_field(config: RehearsalConfig, law: Law) -> None:
     Raises mpm.TimeStepTooLarge for field.dt, ConfigError for fill heights that exceed container or tool, for too
     many grains or substeps, and for a region that does not hold the containers or the pile."""
     if config.field.dt is not None:
-        check_step(config.field.dt, config.field.cell, [law], "field.dt")
-    check_substeps("host_dt", config.host_dt, config.field.dt or accepted_bound(config.field.cell, law))
+        check_step(config.field.dt, config.field.cell, [law], "field.dt", grain_volume(config))
+    longest = accepted_bound(config.field.cell, law, grain_volume(config))
+    check_substeps("host_dt", config.host_dt, config.field.dt or longest)
     _check_fill_heights(config)
     _check_count(config)
     _check_region(config)

@@ -99,8 +99,9 @@ def _fill_containers(scene: SceneConfig, spacing: float, rng: np.random.Generato
 
 
 def grain_volume(scene: SceneConfig) -> float:
-    """Return the volume of one grain [m^3] of a scene that says how many there are."""
-    assert scene.grain_count is not None
+    """Return the volume of one grain [m^3] of a scene."""
+    if scene.grain_count is None:
+        return scene.field.cell**3 / scene.field.grains_per_cell
     for name in scene.sources:
         container = scene.containers[name]
         return container_shape(name, container).filled_volume(container.fill_height) / scene.grain_count

@@ -35,7 +35,8 @@ def test_the_example_of_a_law_gives_its_formula() -> None:
 
 @pytest.mark.parametrize("change, message", [
     ({"stress": None}, "has no stress"), ({"state": "strain"}, "state 'strain'"),
-    ({"parameters": (0.0,) * (PARAMETERS + 1)}, "9 parameters; accepted: 8"), ({"plastic": True}, "return_mapping")])
+    ({"parameters": (0.0,) * (PARAMETERS + 1)}, "9 parameters; accepted: 8"), ({"plastic": True}, "return_mapping"),
+    ({"state": "volume", "soften": abs}, "one of them")])
 def test_an_incomplete_law_is_refused_by_name(change: dict, message: str) -> None:
     members = {"density": 1e3, "state": "hencky", "plastic": False, "has_volume_correction": False, "mu": 1.0,
                "lam": 1.0, "parameters": (1.0, 1.0), "stress": abs, "energy_density": abs} | change

@@ -130,7 +130,7 @@ def test_a_stiffer_material_gets_a_smaller_step(task: str, arm: bool) -> None:
 
     With an arm, the plugin would refuse one that is requested and does not divide its own step."""
     own = load_task(task)
-    asking = own.model_copy(update={"field": own.field.model_copy(update={"dt": 0.0002})})
+    asking = own.model_copy(update={"field": own.field.model_copy(update={"dt": 0.0004})})
     env = make(task, task=asking, material="paper", arm=arm)
     assert arm or asking.field.dt > env.solver.bound > env.solver.dt
     env.reset(seed=0)

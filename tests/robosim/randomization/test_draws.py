@@ -56,7 +56,8 @@ def test_friction_of_the_tool_changes_what_happens(env: GrainEnv):
 @pytest.mark.parametrize("ranges, message", [
     ({"tool_friction": (0.4, 0.1)}, "lowest, highest"), ({"tool_friction": (0.0, 20.0)}, "0 to 10"),
     ({"container_friction": (0.1, 0.2)}, "valid: .*tool_friction"), ({"frictoin": (0, 1)}, "valid: .*E"),
-    ({"E": (1e5, 1e12)}, "time step|accepted"), ("narrow", "nominal, wide"), ({"material": ("salt", "snow")}, "snow"),
+    ({"E": (1e5, 1e12), "density": (300.0, 900.0)}, "substeps"), ("narrow", "nominal, wide"),
+    ({"material": ("salt", "snow")}, "snow"),
     ({"material": ("water",)}, "law"), ({"place_x": (-2.0, 2.0)}, "-0.5 to 0.5"), ({"payload": (0.8, 1.2)}, "valid"),
     ({"fill": (0.5, 9.0)}, "0.2 to 3"), ({"scale.lag": (0.1, 0.2)}, "valid: .*tool.noise")])
 def test_ranges_that_cannot_be_used_are_refused(ranges, message: str):

@@ -9,6 +9,7 @@ import trimesh
 
 import mpm
 from mpm.materials.material import Material
+from mpm.materials.stable_step import material_bound
 from robosim.studies.verification.cases.beds import UPRIGHT, fill_box, load_pressure, rms
 from robosim.studies.verification.stability.cell import DENSITY, G, Outcome, make_sand
 
@@ -25,13 +26,13 @@ RADIUS, BOWL = 0.035, np.array([0.091, 0.0805, 0.0592])  # of a bowl, and its ce
 def build(law: Material = BLOCK, *, share: float | None = None, stride: int = 4, settled: bool = True,
           spacing: float = CELL / 2, gravity: float = -G, **scene: Any) -> mpm.Solver:
     """Build a layer of a law between smooth walls, under the stress of rest.
-    share: substep in bounds of an isolated particle; None: the default, and the default stride. stride: substeps.
+    share: substep in bounds of the law; None: the default, and the default stride. stride: substeps.
     settled: False for a layer without stress. spacing: of the particles [m]. scene: of `mpm.Solver`."""
     x = mpm.sample_box((0, 0, 0), (WIDTH, 2 * CELL, DEPTH), spacing)
     upright = x * [1, 1, -np.sign(gravity)]
     stress = mpm.geostatic_stress(upright, spacing**3, law) if settled and law.state != "volume" else None
-    bound = CELL * np.sqrt(law.density / (3 * law.lam + 2 * law.mu))
-    steps = {} if share is None else {"dt": share * bound, "transfer_interval": (stride + 0.01) * share * bound}
+    dt = None if share is None else share * material_bound(CELL, law, volume=spacing**3)
+    steps: dict[str, Any] = {} if dt is None else {"dt": dt, "transfer_interval": (stride + 0.01) * dt}
     top = DEPTH if gravity > 0 else 1.4 * DEPTH
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, 2 * CELL, top), CELL), walls=mpm.Walls.all("slip"),
                         bodies=[mpm.Body(law, x, volume=spacing**3, stress=stress)], gravity=(0, 0, gravity),
@@ -86,6 +87,9 @@ SCENES: dict[str, Callable[[], mpm.Solver]] = {
     "one grain a cell": partial(build, spacing=CELL), "two materials": two_materials,
     "clay": partial(build, mpm.VonMises(E=3e5, nu=0.25, density=DENSITY, yield_stress=2e3)),
     "water": partial(build, mpm.NewtonianFluid(bulk_modulus=1.5e5, density=1000.0)),
+    **{f"sand {share} x {stride}": partial(build, SAND, share=share, stride=stride)
+       for share, stride in ((0.83, 1), (0.83, 3), (0.83, 12))},
+    "sand, one grain a cell": partial(build, SAND, spacing=CELL),
     "sand": partial(build, SAND), "sand asleep": partial(build, SAND, sleep=True),
     "sand 0 deg": partial(build, make_sand(1.5e5, 0.0)), "sand 60 deg": partial(build, make_sand(1.5e5, 60.0)),
     "cohesive sand": partial(build, mpm.DruckerPrager(E=1.5e5, nu=0.2, density=DENSITY, friction_angle_deg=33.0,
