@@ -18,8 +18,6 @@ PACKED, CROWDED = 0.36, 0.58
 particle as stiff as its law says. The first is that of clumps, the second, times the ratio of the moduli of a plane
 wave and of a lone particle, that of beds, heaps, layers and random packings of two or more particles a cell
 (docs/concepts/field.md). On a lattice of one a cell it is the ratio itself."""
-FEWEST = 0.6
-"""Volume of a particle, in cells, up to which there are that many."""
 TRAVEL_FRACTION = 0.25
 """Largest share of a cell that a tool may travel in a substep, so that contact is seen before it is passed."""
 
@@ -60,7 +58,8 @@ def elastic_bound(cell: float, law: Any, volume: float) -> float:
     if not stiffens_with_density(law):
         return lone
     wave = (law.lam + 2.0 * law.mu) / isolated_modulus(law.mu, law.lam)
-    return lone / math.sqrt(max(PACKED, wave * (CROWDED if volume <= FEWEST * cell**3 else 1.0)))
+    coarse = min(max(2.0 * volume / cell**3 - 1.0, 0.0), 1.0)  # 0 for two or more particles a cell, 1 for one
+    return lone / math.sqrt(max(PACKED, wave * (CROWDED + (1.0 - CROWDED) * coarse)))
 
 
 def material_bound(cell: float, law: Any, share: float = 1.0, volume: float = 0.0) -> float:

@@ -75,7 +75,8 @@ class Randomization:
         own = {name: pair for name, pair in self.ranges.items() if name in self._numbers}
         if not own and not self.materials:
             return None
-        least = min(largest_step(self._task, overridden(material, dict(zip(own, corner))).make_law())
+        fullest = filled(self._task, max(self.levels("fill")) or 1.0)  # whose grains are the largest
+        least = min(largest_step(fullest, overridden(material, dict(zip(own, corner))).make_law())
                     for material in [self._own, *self.materials.values()]
                     for corner in itertools.product(*own.values()))
         return self._task.step_dt / math.ceil(self._task.step_dt / least - 1e-9)

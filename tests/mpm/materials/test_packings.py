@@ -11,7 +11,8 @@ from mpm.materials.stable_step import ACCEPTED_FRACTION, isolated_particle_bound
 CELL = 0.008
 
 
-@pytest.mark.parametrize(("per_axis", "nu"), [(6, 0.2), (6, 0.3), (8, 0.2), (8, 0.3), (12, 0.0), (12, 0.2), (12, 0.3)])
+@pytest.mark.parametrize(("per_axis", "nu"), [(6, 0.2), (6, 0.3), (7, 0.2), (8, 0.2), (8, 0.3), (12, 0.0), (12, 0.2),
+                                              (12, 0.3)])
 def test_no_packing_vibrates_too_fast_for_the_accepted_step(per_axis: int, nu: float) -> None:
     """A mode of angular frequency w is stable up to dt = 2 / w; a lone particle as stiff as its law says has its bound
     there. per_axis: particles in six cells, 6 for one a cell."""
