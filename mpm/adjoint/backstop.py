@@ -1,9 +1,10 @@
-"""Adjoint of the last barrier in front of walls and static solids, for the few grains that it stops."""
+"""Adjoint of what stops particles one by one: the last barrier in front of walls and static solids, and the way out of
+moving ones."""
 
 from mpm.adjoint.side_layers import gathered_velocity
 from mpm.backend import ti
 from mpm.state.packs import LANES
-from mpm.state.particle_motion import BACKSTOP, kept_off_walls, plane_at, push_off
+from mpm.state.particle_motion import BACKSTOP, RECOVERY, kept_off_walls, plane_at, push_off, push_out
 
 NEARBY = 0.01 * BACKSTOP
 """Cells from the barrier within which a grain may have been stopped by it."""
@@ -49,3 +50,18 @@ def stop_back(a: ti.template(), P: ti.template(), B: ti.template(), dt):
                         B.v[d][q][l] = -dt * B.x[d][q][l]
                     elif kept[d] != v[d]:  # moved to the barrier: kept = (barrier - x) / dt
                         B.x[d][q][l] = -B.v[d][q][l] / dt
+
+
+@ti.func
+def push_out_back(fields: ti.template(), approach, depth, dt, speed_bar, out_bar):
+    """Adjoint of `push_out`; return the adjoints of approach and depth."""
+    speed, out = push_out(fields, approach, depth, dt)
+    approach_bar, depth_bar, bar = 0.0 * approach, 0.0 * depth, speed_bar
+    if out < ti.static(RECOVERY * fields.cell):
+        depth_bar += out_bar
+        bar -= dt * out_bar
+    if speed * dt >= depth:
+        depth_bar += bar / dt
+    elif approach < 0:
+        approach_bar -= bar
+    return approach_bar, depth_bar

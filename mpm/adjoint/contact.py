@@ -1,17 +1,17 @@
 """Adjoint of contact, of nodes and of particles that have entered the tool, to the motion of the tool."""
 
+from mpm.adjoint.backstop import push_out_back
 from mpm.adjoint.coulomb import coulomb_back, distance_back, face_back, velocity_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
 from mpm.boundaries.facing import deciding_node, has_touching_grains
 from mpm.boundaries.node_contact import bit_of, half_stride
-from mpm.boundaries.particle_contact import SOLID_RECOVERY
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer
 from mpm.state.packs import LANES, is_near, lane_mask
-from mpm.state.particle_motion import drift_after, keep_inside, stopped_velocity
+from mpm.state.particle_motion import drift_after, keep_inside, push_out, stopped_velocity
 from mpm.transfers.to_particles import gather_pack
 
 
@@ -133,18 +133,15 @@ def stop_at_tool_back(a: ti.template(), fields: ti.template(), P: ti.template(),
                         normal = R @ n_t
                         relative = v_l - surface_velocity(motion, 0, s, r)
                         approach = relative.dot(normal)
-                        correction = ti.max(-approach, 0.0) + SOLID_RECOVERY * fields.cell / dt
-                        push_bar = (v_bar + dt * x_bar).dot(normal)
-                        normal_bar = ti.min(correction, (half - phi) / dt) * (v_bar + dt * x_bar)
-                        approach_bar, phi_bar = 0.0 * push_bar, 0.0 * push_bar
-                        if correction >= (half - phi) / dt:
-                            phi_bar = -push_bar / dt
-                        elif approach < 0:
-                            approach_bar = -push_bar
+                        speed, out = push_out(fields, approach, half - phi, dt)
+                        speed_bar = v_bar + dt * x_bar
+                        approach_bar, depth_bar = push_out_back(fields, approach, half - phi, dt, speed_bar.dot(normal),
+                                                                x_bar.dot(normal))
+                        normal_bar = speed * speed_bar + out * x_bar
                         normal_bar += approach_bar * relative
                         relative_bar = approach_bar * normal
                         r_bar = velocity_back(step, s, r, -relative_bar) \
-                            + distance_back(fields, index, step, s, R, r, n_t, normal_bar, phi_bar)
+                            + distance_back(fields, index, step, s, R, r, n_t, normal_bar, -depth_bar)
                         for d in ti.static(range(3)):
                             B.v[d][q] = B.v[d][q] + relative_bar[d] * mask
                             B.x[d][q] = B.x[d][q] + r_bar[d] * mask

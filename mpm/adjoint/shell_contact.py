@@ -1,14 +1,15 @@
 """Adjoint of contact with a shell, of nodes and of particles that would enter it, to the motion of the tool.
 It is constant in the derivative on which side of the shell nodes and particles are."""
 
+from mpm.adjoint.backstop import push_out_back
 from mpm.adjoint.coulomb import coulomb_back, distance_back, face_back, velocity_back
 from mpm.adjoint.side_layers import gathered_velocity, side_of
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
-from mpm.boundaries.shell_transfer import SHELL_RECOVERY, WATCHED, lever_after
+from mpm.boundaries.shell_transfer import WATCHED, lever_after
 from mpm.state.ledger import position
 from mpm.state.packs import LANES
-from mpm.state.particle_motion import drift_after, keep_inside, stopped_velocity
+from mpm.state.particle_motion import drift_after, keep_inside, push_out, stopped_velocity
 
 
 @ti.func
@@ -69,25 +70,23 @@ def stop_particle_back(a: ti.template(), P: ti.template(), B: ti.template(), ste
                 normal, friction = own * (R @ n_t), a.fields.parameters.frictions[index]
                 relative = v - surface_velocity(step.motion, row, step.row, r)
                 approach = relative.dot(normal)
-                correction = ti.max(-approach, 0.0) + SHELL_RECOVERY * a.fields.cell / dt
-                push, slide = ti.min(correction, depth / dt), relative - approach * normal
+                push, out = push_out(a.fields, approach, depth, dt)
+                slide = relative - approach * normal
                 speed = slide.norm(1e-12)
                 held = friction * push / speed
-                bar = ti.Vector([B.v[d][q][l] + dt * B.x[d][q][l] for d in range(3)])  # of the stopped velocity
+                x_bar = ti.Vector([B.x[d][q][l] for d in range(3)])
+                bar = ti.Vector([B.v[d][q][l] for d in range(3)]) + dt * x_bar  # of the stopped velocity
                 push_bar, slide_bar = normal.dot(bar), -ti.min(held, 1.0) * bar
                 if held < 1.0:
                     held_bar = -slide.dot(bar)
                     push_bar += held_bar * friction / speed
                     slide_bar -= (held_bar * held / (speed * speed)) * slide
-                approach_bar, phi_bar = -slide_bar.dot(normal), 0.0 * phi
-                if correction >= depth / dt:
-                    phi_bar = -own * push_bar / dt
-                elif approach < 0:
-                    approach_bar -= push_bar
+                approach_bar, depth_bar = push_out_back(a.fields, approach, depth, dt, push_bar, x_bar.dot(normal))
+                approach_bar -= slide_bar.dot(normal)
                 relative_bar = slide_bar + approach_bar * normal
-                normal_bar = push * bar - approach * slide_bar + approach_bar * relative
+                normal_bar = push * bar + out * x_bar - approach * slide_bar + approach_bar * relative
                 r_bar = velocity_back(step, step.row, r, -relative_bar) \
-                    + distance_back(a.fields, index, step, step.row, R, r, n_t, own * normal_bar, phi_bar)
+                    + distance_back(a.fields, index, step, step.row, R, r, n_t, own * normal_bar, -own * depth_bar)
                 for d in ti.static(range(3)):
                     B.v[d][q][l] = B.v[d][q][l] + relative_bar[d]
                     B.x[d][q][l] = B.x[d][q][l] + r_bar[d]

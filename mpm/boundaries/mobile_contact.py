@@ -284,7 +284,24 @@ def reduce_by_compliance(fields: ti.template(), step: ti.template(), index: ti.t
     compliance = contact_compliance(fields, step.mobile, b, place, ti.cast(dv, ti.f64) / size)
     reduced = dv * ti.cast(1.0 / (1.0 + ti.cast(mass, ti.f64) * compliance), fields.real)
     p = -ti.cast(mass * reduced, ti.f64)
-    apply_impulse(fields, step.mobile, b, p, (place - read_vector(step.mobile, b, CENTRE)).cross(p))
+    push_collider(fields, step, b, p, (place - read_vector(step.mobile, b, CENTRE)).cross(p))
+    return reduced
+
+
+@ti.func
+def turn_by_shift(fields: ti.template(), step: ti.template(), index: ti.template(), mass, shift, v):
+    """Credit a collider with the angular momentum that a particle of a mass [kg] with velocity v [m/s] (3,) gains by a
+    shift [m] (3,) that is no motion, and take it from a mobile one."""
+    moment = ti.cast(mass, ti.f64) * ti.cast(shift, ti.f64).cross(ti.cast(v, ti.f64))
+    for d in ti.static(range(3)):
+        add(step.out, fields.rows.first_collider + index, 3 + d, moment[d])
+    if ti.static(fields.mobile_place[index] >= 0):
+        push_collider(fields, step, ti.static(fields.mobile_place[index]), 0.0 * moment, -moment)
+
+
+@ti.func
+def push_collider(fields: ti.template(), step: ti.template(), b: ti.template(), force, torque):
+    """Apply an impulse on a mobile collider about its centre after its substep; write what velocities follow."""
+    apply_impulse(fields, step.mobile, b, force, torque)
     for a, row in ti.static(fields.features.mobile_rows):
         write_velocity(step.mobile, step.motion, step.row, a, row)
-    return reduced

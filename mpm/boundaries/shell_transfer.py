@@ -3,19 +3,16 @@ They are few: the packs leave them out, and they are transferred one by one from
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
-from mpm.boundaries.mobile_contact import reduce_by_compliance
+from mpm.boundaries.mobile_contact import reduce_by_compliance, turn_by_shift
 from mpm.state.active_blocks import mark_place, note_reached
 from mpm.state.contact_fields import take_place
 from mpm.state.ledger import credit
 from mpm.state.packs import LANES, read_lane
-from mpm.state.particle_motion import drift_after, keep_inside, move_lane, stop_at_barriers
+from mpm.state.particle_motion import drift_after, keep_inside, move_lane, push_out, stop_at_barriers
 from mpm.state.stencil import NodeValues, ShellLayers, gather, moments, scatter, scatter_shift, weights
 
 WATCHED = 1.3
 """Cells from the shell within which a particle can reach it in a stride: its own travel and the shell's."""
-SHELL_RECOVERY = 0.01
-"""Cells by which a particle that is in a shell is brought out of it in a stride, besides the stop of its approach. What
-flows over a rim comes to the shell's side where it is deep in it at once: faster, it would be thrown."""
 
 
 @ti.func
@@ -60,7 +57,7 @@ def gather_across_shells(fields: ti.template(), step: ti.template(), first, last
             entered = find_entered(fields, fields.particles, step, dt, place_on_list(fields, n), v, side, slot)
             fields.shells.entered[n] = entered
             if entered[3] == 0:
-                move_listed(fields, step, n, slot, v, dt)
+                move_listed(fields, step, n, slot, dt * v)
             elif ti.static(fields.shells.lists_entering):
                 fields.shells.entering[take_place(fields.shells.entering_count, None)] = n
 
@@ -86,11 +83,11 @@ def place_on_list(fields: ti.template(), n):
 
 
 @ti.func
-def move_listed(fields: ti.template(), step: ti.template(), n, slot, v, dt):
-    """Move listed particle n for dt [s], and activate the blocks that its stencil reaches then."""
-    moved = place_on_list(fields, n) + dt * v
+def move_listed(fields: ti.template(), step: ti.template(), n, slot, displacement):
+    """Move listed particle n by `displacement` [m] (3,), and activate the blocks that its stencil reaches then."""
+    moved = place_on_list(fields, n) + displacement
     if ti.static(len(fields.particles.remainder) > 0):
-        moved = move_lane(fields, fields.particles, slot[0], slot[1], dt * v)
+        moved = move_lane(fields, fields.particles, slot[0], slot[1], displacement)
     else:
         for r in ti.static(range(3)):
             moved[r] = keep_inside(fields, moved[r], r)
@@ -137,25 +134,25 @@ def stop_at_shells(fields: ti.template(), step: ti.template(), first, last):
             if entered[3] > 0:
                 slot = fields.shells.slot[n]
                 v = ti.Vector([read_lane(fields.particles.v[d], slot) for d in range(3)])
-                stopped = v + stop_at_shell(fields, step, dt, place_on_list(fields, n), v, fields.shells.mass[n],
-                                            ti.cast(read_lane(fields.particles.side, slot), ti.i32), entered)
+                stopped, shift = stop_at_shell(fields, step, dt, place_on_list(fields, n), v, fields.shells.mass[n],
+                                               ti.cast(read_lane(fields.particles.side, slot), ti.i32), entered)
                 for r in ti.static(range(3)):
                     fields.particles.v[r][slot[0]][slot[1]] = stopped[r]
-                move_listed(fields, step, n, slot, stopped, dt)
+                move_listed(fields, step, n, slot, dt * stopped + shift)
         if ti.static(fields.shells.lists_entering):
             fields.shells.entering_count[None] = 0
 
 
 @ti.func
 def stop_at_shell(fields: ti.template(), step: ti.template(), dt, x, v, mass, side, entered):
-    """Return the change of velocity that keeps a particle out of the shell that it would enter; credit the shell."""
-    change = 0.0 * v
+    """Return velocity and shift that keep a particle out of the shell that it would enter; credit the shell."""
+    stopped, shift = v, 0.0 * v
     for row, index in ti.static(fields.features.shell_rows):
         if ti.abs(side) == index + 1:
             normal = ti.Vector([entered[0], entered[1], entered[2]])
             relative = v - surface_velocity(step.motion, row, step.row, lever_after(fields, step, row, x + dt * v))
             approach = relative.dot(normal)
-            push = ti.min(ti.max(-approach, 0.0) + SHELL_RECOVERY * fields.cell / dt, entered[3] / dt)
+            push, out = push_out(fields, approach, entered[3], dt)
             slide = relative - approach * normal
             held = ti.min(fields.parameters.frictions[index] * push / slide.norm(1e-12), 1.0)
             dv = push * normal - held * slide
@@ -163,5 +160,6 @@ def stop_at_shell(fields: ti.template(), step: ti.template(), dt, x, v, mass, si
             if ti.static(fields.mobile_place[index] >= 0):
                 dv = reduce_by_compliance(fields, step, index, place, mass, dv)
             credit(step.out, fields.rows.first_collider + index, place, mass * dv)
-            change = dv
-    return change
+            stopped, shift = v + dv, out * normal
+            turn_by_shift(fields, step, index, mass, shift, stopped)
+    return stopped, shift

@@ -14,6 +14,10 @@ With a half, a remainder of just that would move a particle at rest to and fro."
 BACKSTOP = 0.05
 """Distance [cells] from a wall that can be left, or a static solid, at which a grain is stopped. One of four a cell
 rests 0.125 off."""
+RECOVERY = 0.01
+"""Cells by which a particle is brought out of a moving solid or a shell in a stride: enough against the slow drift of a
+fluid towards a face (1e-3), and little where a scene begins with particles inside a tool, or where what flows over the
+rim of a shell comes to its side deep in it."""
 
 
 @ti.func
@@ -145,6 +149,16 @@ def push_off(n, barrier, x, v, dt):
     """Return the velocity [m/s] along n that keeps what is at x [m] and moves with v [m/s] (3,) for dt [s] from coming
     closer than a barrier, see `plane_at`, or closer than it is."""
     return ti.max(ti.min(barrier - n.dot(x), 0.0) / dt - v.dot(n), 0.0)
+
+
+@ti.func
+def push_out(fields: ti.template(), approach, depth, dt):
+    """Return the speed [m/s] that stops a particle which has come `depth` [m] deep into a solid in dt [s], and the
+    distance [m] by which it is moved out besides. approach: its speed along the solid's normal [m/s].
+    The move is no velocity: a load at rest in a held tool would be thrown by it in one stride, fall back in the next,
+    and so ring with its whole weight."""
+    speed = ti.min(ti.max(-approach, 0.0), depth / dt)
+    return speed, ti.min(ti.static(RECOVERY * fields.cell), depth - dt * speed)
 
 
 @ti.func
