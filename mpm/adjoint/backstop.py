@@ -55,12 +55,12 @@ def stop_back(a: ti.template(), P: ti.template(), B: ti.template(), dt):
 @ti.func
 def push_out_back(fields: ti.template(), approach, depth, dt, speed_bar, out_bar):
     """Adjoint of `push_out`; return the adjoints of approach and depth."""
-    speed, out = push_out(fields, approach, depth, dt)
+    _speed, out = push_out(fields, approach, depth, dt)
     approach_bar, depth_bar, bar = 0.0 * approach, 0.0 * depth, speed_bar
     if out < ti.static(RECOVERY * fields.cell):
         depth_bar += out_bar
         bar -= dt * out_bar
-    if speed * dt >= depth:
+    if -approach >= depth / dt:
         depth_bar += bar / dt
     elif approach < 0:
         approach_bar -= bar

@@ -1,7 +1,7 @@
 """Adjoint of the constitutive update: from adjoints of stress and new state to those of old state and rate."""
 
 from mpm.backend import once, real_type, ti
-from mpm.materials.density import LEAST, density_to_take_up, firmness, share_of
+from mpm.materials.density import CHANGE, LEAST, density_to_take_up, firmness, share_of
 from mpm.materials.hencky_strain import log1p
 from mpm.materials.material import Material, stiffens_with_density
 from mpm.materials.stress_update import LEAST_RATIO, advance_cauchy_green, advance_volume, volume_growth
@@ -144,10 +144,10 @@ def take_up_density_back(fields: ti.template(), P: ti.template(), B: ti.template
     for i in ti.static(range(6)):
         kept_bar += is_stiffer * P.e[i][q] * B.e[i][q]
         B.e[i][q] = kept * B.e[i][q]
-    is_new = ti.cast(after != before, fields.real)
-    bar = B.around[q]
-    B.around[q] = (1.0 - is_new) * bar + share_slope(before, full) * kept_bar / high
-    B.noted[q] = B.noted[q] + is_new * bar - share_slope(after, full) * kept_bar * kept / high
+    moved = ti.select(after == before, 0.0, ti.select(after > before, 1.0 / (1.0 + CHANGE), 1.0 / (1.0 - CHANGE)))
+    bar = B.around[q] - share_slope(after, full) * kept_bar * kept / high
+    B.around[q] = ti.cast(after == before, fields.real) * bar + share_slope(before, full) * kept_bar / high
+    B.noted[q] = B.noted[q] + moved * bar
 
 
 @ti.func

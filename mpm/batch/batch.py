@@ -18,7 +18,6 @@ from mpm.observers.diagnostics import describe_divergence, warn_of_held
 from mpm.observers.reading_kernels import SampleKernel
 from mpm.observers.readings import received
 from mpm.observers.region_counter import MAX_READINGS, Counts
-from mpm.scene.body import with_volume
 from mpm.scene.grid import ROUNDING
 from mpm.state.fields import Fields
 from mpm.state.packs import count_packs
@@ -159,7 +158,7 @@ class Batch:
 
     def set_volume(self, e: int, body: int, volume: float) -> None:
         """Set the volume [m^3] of a body's particles in one environment, as `solver.settings.set_volume` does."""
-        with_volume(self._core.scene.bodies[body], volume)
+        self._core.settings.check_volume(body, volume)
         if self._core.features.sleep:
             self._wake(e)
         self._numbers.set_volume(e, body, volume)

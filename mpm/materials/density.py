@@ -11,7 +11,8 @@ from mpm.materials.material import stiffens_with_density
 LEAST = 0.3
 """Smallest share of the stiffness: a lone particle with it is stable at the bound of a packing."""
 CHANGE = 0.1
-"""Share by which the mass around a particle has to change to be taken up: a vibration of a bed changes it by less."""
+"""Share of the mass in force by which that around a particle can differ from it: a vibration of a bed changes it by
+less."""
 
 
 def mass_around(places: np.ndarray, masses: np.ndarray, periods: Sequence[int] = (0, 0, 0)) -> np.ndarray:
@@ -29,6 +30,12 @@ def mass_around(places: np.ndarray, masses: np.ndarray, periods: Sequence[int] =
     for i, j, k in steps:
         around += w[i, :, 0] * w[j, :, 1] * w[k, :, 2] * nodes[tuple(((base + (i, j, k)) % shape).T)]
     return around
+
+
+def share_at(density: np.ndarray, packed: float) -> np.ndarray:
+    """Return the share of the stiffness (n,) at densities of the material around particles (n,), and when packed, on
+    the host, see `share_of`."""
+    return np.clip(density / packed, LEAST, 1.0)
 
 
 @ti.func
@@ -57,7 +64,7 @@ def numbers_of(fields: ti.template(), P: ti.template(), law: ti.template(), q, d
 
 @ti.func
 def take_up_density(fields: ti.template(), P: ti.template(), q, density):
-    """Take up the density that was noted around the particles of pack q, where it has changed by more than CHANGE.
+    """Take up the density that was noted around the particles of pack q, as far as it differs by more than CHANGE.
     A stiffness that followed every vibration, a stride late, would drive it. A particle that gets stiffer keeps its
     stress, one that gets softer its strain: neither gains energy."""
     before, full = P.around[q], density * ti.static(fields.cell**3)
@@ -70,5 +77,5 @@ def take_up_density(fields: ti.template(), P: ti.template(), q, density):
 
 @ti.func
 def density_to_take_up(P: ti.template(), q):
-    """Return what `around` of pack q is to be: what was noted, or where that is about the same, as it was."""
-    return once(ti.select(ti.abs(P.noted[q] - P.around[q]) > CHANGE * P.around[q], P.noted[q], P.around[q]))
+    """Return what `around` of pack q is to be: as it was, or the closest from which what was noted differs by CHANGE."""
+    return once(ti.max(ti.min(P.around[q], P.noted[q] / (1.0 - CHANGE)), P.noted[q] / (1.0 + CHANGE)))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.errors import GrainsLeaveGrid, SimulationDiverged
-from mpm.materials.density import LEAST
+from mpm.materials.density import share_at
 from mpm.materials.material import stiffens_with_density
 from mpm.observers.readings import Momentum, Readings
 from mpm.state.particles import AT_WALL
@@ -68,7 +68,7 @@ def compute_energy(r: Readings) -> Energy:
             density = body.material.energy_density(stretches)
             if stiffens_with_density(body.material):
                 around = r.particles.read([r.particles.around])[chosen, 0].astype(float)
-                density *= np.clip(around / (body.material.density * r.scene.grid.cell**3), LEAST, 1.0)
+                density *= share_at(around / r.scene.grid.cell**3, body.material.density)
             elastic += np.einsum("i,i->", volume[chosen], density)
     return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ r.scene.gravity), float(elastic))
 

@@ -5,7 +5,7 @@ import numpy as np
 from mpm.backend import is_shared, put, real_type, ti
 from mpm.backend.launching import Launcher
 from mpm.errors import InvalidValue
-from mpm.materials.density import LEAST, mass_around
+from mpm.materials.density import mass_around, share_at
 from mpm.materials.material import stiffens_with_density
 from mpm.scene.body import Body
 from mpm.scene.features import Features
@@ -121,7 +121,7 @@ class ParticleFields:
                     chosen = slice(end - len(body.positions), end)
                     firm = np.ones(len(body.positions))
                     if stiffens_with_density(body.material):
-                        firm = np.clip(densities[chosen] / body.material.density, LEAST, 1.0)
+                        firm = share_at(densities[chosen], body.material.density)
                     strain[chosen] = state_under(body.material, body.stress / firm[:, None, None])
             if strain.any():
                 self.write(fields, strain)

@@ -6,7 +6,7 @@ from mpm.errors import InvalidValue
 from mpm.materials.material import Material
 from mpm.materials.stable_step import check_step, material_bound
 from mpm.observers.readings import Readings
-from mpm.scene.body import half_edge, largest_volume, with_volume
+from mpm.scene.body import Body, half_edge, largest_volume, with_volume
 from mpm.scene.collider import check_friction
 from mpm.scene.validation import check_finite, with_values
 from mpm.stepping.rollback import Rollback
@@ -66,12 +66,20 @@ class Settings:
 
     def set_volume(self, index: int, volume: float) -> None:
         """Set the initial volume [m^3] of every particle of a body; particles stay where they are.
-        Raises InvalidValue."""
-        changed = with_volume(self._scene.bodies[index], volume)
+        Raises InvalidValue, and TimeStepTooLarge if dt is too large: of sand, for grains of half a cell and more."""
+        changed = self.check_volume(index, volume)
         self._readings.particles.volumes.set(index, volume, half_edge(volume))
         self._scene.bodies[index] = changed
+        self.bound = self._find_bound()
         self._progress.momentum = None
         self.wake()
+
+    def check_volume(self, index: int, volume: float) -> Body:
+        """Return a body as `set_volume` makes it; raises what that raises."""
+        bodies = list(self._scene.bodies)
+        bodies[index] = with_volume(bodies[index], volume)
+        check_step(self._dt, self._scene.grid.cell, [body.material for body in bodies], volume=largest_volume(bodies))
+        return bodies[index]
 
     def wake(self) -> None:
         """Wake all particles; does nothing without sleeping."""

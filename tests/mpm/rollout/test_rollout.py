@@ -41,10 +41,10 @@ def motion(steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_gradient_by_the_tools_motion(name):
-    """50 and 500 substeps with contact: cosine with differences at least 0.9999. Sand's stress ends where it is pulled
-    apart. Nodes at the wall that hardly hold a grain then leave it or stay by the sign of a rounding error, so that its
-    loss jumps by some 1e-9: its differences take a longer step. Over 500 substeps it jumps between their ends, and only
-    its derivatives are asked for."""
+    """50 and 500 substeps with contact: cosine with differences at least 0.9999.
+    Single grains of sand that fly at the tool share light nodes with others, and multiply a change of 1e-11 to 1e-5 in
+    three steps: most differences over 50 substeps say nothing. Those are compared that are the same at two steps; over
+    500 substeps only the derivatives are asked for."""
     solver = scene(LAWS[name])
     roll = mpm.Rollout(solver, STEPS, step_dt=SUBSTEPS * solver.dt)
     assert roll.substeps == SUBSTEPS
@@ -54,11 +54,15 @@ def test_gradient_by_the_tools_motion(name):
         value, found = roll.value_and_grad(linear, angular, loss)
         assert value == roll.value(linear, angular, loss) and np.all(found[0][last:] == 0.0)
         assert np.abs(found[0][:last]).max() > 0.0
-        h = 1e-4 if name == "sand" else 1e-7
-        gradient, difference = along_directions(roll, linear, angular, loss, found, 20, h)
         if name == "sand" and last == STEPS:
-            assert np.isfinite(gradient).all()
+            assert np.isfinite(found[0]).all()
             continue
+        gradient, difference = along_directions(roll, linear, angular, loss, found, 20)
+        if name == "sand":
+            other = along_directions(roll, linear, angular, loss, found, 20, 3e-7)[1]
+            is_smooth = np.abs(difference - other) < 1e-3 * np.linalg.norm(gradient)
+            assert is_smooth.sum() >= 3
+            gradient, difference = gradient[is_smooth], difference[is_smooth]
         assert cosine_of(gradient, difference) > 0.9999, last
         assert np.linalg.norm(gradient) == pytest.approx(np.linalg.norm(difference), rel=1e-2)
 
