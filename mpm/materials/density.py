@@ -77,5 +77,5 @@ def take_up_density(fields: ti.template(), P: ti.template(), q, density):
 
 @ti.func
 def density_to_take_up(P: ti.template(), q):
-    """Return what `around` of pack q is to be: as it was, or the closest from which what was noted differs by CHANGE."""
+    """Return what `around` of pack q is to be: as it was, or the closest from which that noted differs by CHANGE."""
     return once(ti.max(ti.min(P.around[q], P.noted[q] / (1.0 - CHANGE)), P.noted[q] / (1.0 + CHANGE)))
