@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from field_parts import block
+from field_parts import block, sand
 from scipy.optimize import brentq
 
 import mpm
@@ -97,6 +97,13 @@ def test_steps_are_accepted_up_to_the_bound_of_every_material() -> None:
     with pytest.raises(mpm.TimeStepTooLarge):
         solver.set_material(1, mpm.Elastic(E=1.3e5, nu=0.3, density=1000.0))
     solver.set_material(1, mpm.Elastic(E=1.2e5, nu=0.3, density=1000.0))
+
+    sparse = mpm.Solver(grid=grid, bodies=[block(sand(), (0, 0, 0), (0.04, 0.04, 0.04), 0.01)])
+    bound = sparse.bound
+    with pytest.raises(mpm.TimeStepTooLarge, match="packing of grains"):
+        sparse.settings.set_volume(0, 0.02**3)
+    sparse.settings.set_volume(0, 0.55 * 0.02**3)
+    assert 0.9 * bound < sparse.bound < bound
 
 
 def test_viscosity_bounds_the_step_without_resonance() -> None:

@@ -80,7 +80,7 @@ def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
         single += solver.advance(5e-3, readings=1)
     places = solver.positions()
     for now, before in zip(single, read, strict=True):
-        assert now[1:-1] == before[1:-1] and now.distance == pytest.approx(before.distance, rel=1e-9)
+        assert now[1:-1] == before[1:-1] and now.distance == pytest.approx(before.distance, rel=1e-8)
     solver.load(start)
     counter.restart()
     solver.set_collider_motion(0, *path)
