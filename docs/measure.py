@@ -155,6 +155,10 @@ def foreign_arms(out: Path) -> dict[str, Any]:
             continue
         command(["rehearse", "spoon", "--no-video", "--set", f"robot={out / name}.yaml", "--set", "gripper=none"],
                 out / name)
+        if not (out / name / "report.json").exists():  # the arm diverged
+            reason = json.loads((out / name / "status.json").read_text())["reason"]
+            rows.append([arm["arm"], arm["package"], reason, *["-"] * len(FOREIGN_FIGURES)])
+            continue
         figures = json.loads((out / name / "report.json").read_text())
         rows.append([arm["arm"], arm["package"], "; ".join(figures["missed"]) or "all",
                      *(form.format(figures[key]) for key, form in FOREIGN_FIGURES.items())])
