@@ -119,6 +119,10 @@ class RehearsalConfig(SceneConfig):
     motions: bounds.FilePath | None = None
     """Folder with a motion of each sub-task as TASK.npz; null: the bundled motions."""
 
+    @property
+    def advance_dt(self) -> float:
+        return self.host_dt
+
     def check(self) -> None:
         super().check()
         filled = [c.fill_height > 0 for c in self.containers.values()]

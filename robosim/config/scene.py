@@ -110,7 +110,7 @@ class FieldConfig(Table):
     region_upper: Vector3 | None = None
     """Upper corner of that region [m]."""
     dt: bounds.TimeStep | None = None
-    """Substep [s]; null: from the stability bound."""
+    """Substep [s]; null: from the stability bound, up to 2 % longer where a step then takes one less."""
     transfer_interval: Annotated[float, Field(ge=0.0, le=0.1)] | Literal["strides"] | None = "strides"
     """Longest stride [s]: time between two transfers of velocities to the particles; 0: a transfer in every substep;
     "strides": chosen from the bound of the time step."""

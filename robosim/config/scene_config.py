@@ -45,6 +45,11 @@ class SceneConfig(Table):
     """Numerics of the grains."""
 
     @property
+    def advance_dt(self) -> float:
+        """Time [s] by which the grains advance at once."""
+        raise NotImplementedError
+
+    @property
     def grain_count(self) -> int | None:
         """Number of grains; None where it follows from `field.grains_per_cell`."""
         return None

@@ -101,6 +101,10 @@ class TaskConfig(SceneConfig):
         return {name: value for name, value in standard(self).items() if name not in left_out}
 
     @property
+    def advance_dt(self) -> float:
+        return self.step_dt
+
+    @property
     def grain_count(self) -> int | None:
         return self.grains.count
 
