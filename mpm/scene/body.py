@@ -23,8 +23,9 @@ class Body:
     volume: float | np.ndarray | None = None
     """Volume of each particle [m^3], a number or shape (n,); required."""
     stress: np.ndarray | None = None
-    """Cauchy stress [Pa] at the begin, shape (n, 3, 3), tension positive, such as `mpm.geostatic_stress` gives; None:
-    none. What a plastic law does not carry yields in the first substep."""
+    """Stress [Pa] at the begin, shape (n, 3, 3), tension positive, such as `mpm.geostatic_stress` gives; None: none.
+    It acts on `volume`, as Kirchhoff's does: particles that fill a bed are in balance with its weight where they lie.
+    What a plastic law does not carry yields in the first substep."""
 
     def __post_init__(self) -> None:
         check_material(self.material)

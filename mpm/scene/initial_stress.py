@@ -10,9 +10,7 @@ from mpm.materials.material import Material
 from mpm.materials.newtonian_fluid import NewtonianFluid
 from mpm.scene.validation import check_finite, read_real
 
-ROUNDS = 60
-"""Fixed-point rounds for the change of volume under a stress; each multiplies its error by a strain."""
-LARGEST_STRAIN = 0.3  # logarithmic strain up to which a stress is accepted
+LARGEST_STRAIN = 0.3  # logarithmic strain up to which a stress is accepted, of a fluid loss of volume
 COLUMN = 2.0
 """Width of the columns in which a bed's depth is measured, in edges of a particle's cube."""
 
@@ -63,6 +61,10 @@ def check_stress(material: Material, stress: np.ndarray, count: int) -> np.ndarr
         if not material.tension and checked.max() > 0.0:
             raise InvalidValue(f"Body: stress of {name}(tension=False) has a tension of {checked.max():.3g} Pa; "
                                f"accepted: -pressure times the unit tensor, pressure >= 0")
+        most = LARGEST_STRAIN * (1.0 - LARGEST_STRAIN) * material.lam
+        if checked.min() < -most:
+            raise InvalidValue(f"Body: stress of {checked.min():.3g} Pa takes more than {LARGEST_STRAIN:.0%} of the "
+                               f"volume of {name}; accepted: down to {-most:.3g} Pa; give a stiffer material")
     elif not isinstance(material, Hencky) or type(material).stress is not Hencky.stress:
         raise InvalidValue(f"Body: stress given for {name}; accepted: for laws with the stress of Hencky's elasticity, "
                            f"and for NewtonianFluid")
@@ -74,15 +76,12 @@ def check_stress(material: Material, stress: np.ndarray, count: int) -> np.ndarr
 
 
 def state_under(material: Material, stress: np.ndarray) -> np.ndarray:
-    """Return what particles remember under Cauchy stresses [Pa] (n, 3, 3).
+    """Return what particles remember under Kirchhoff's stresses [Pa] (n, 3, 3), which act on their initial volume.
     That is e = b - I, entries xx, yy, zz, xy, xz, yz (n, 6), for a solid, and J - 1 (n, 1) for a fluid at rest."""
-    if material.state == "volume":
-        return (np.trace(stress, axis1=1, axis2=2) / (3.0 * material.lam))[:, None]
+    if material.state == "volume":  # its stress is lam (J - 1) J
+        return 0.5 * (np.sqrt(1.0 + 4.0 / 3.0 * np.trace(stress, axis1=1, axis2=2) / material.lam) - 1.0)[:, None]
     values, axes = np.linalg.eigh(stress)
-    h = np.zeros_like(values)
-    for _ in range(ROUNDS):  # Kirchhoff's stress is J times Cauchy's
-        kirchhoff = np.exp(h.sum(1))[:, None] * values
-        trace = kirchhoff.sum(1)[:, None]
-        h = (kirchhoff - material.lam / (3.0 * material.lam + 2.0 * material.mu) * trace) / (2.0 * material.mu)
+    mean = material.lam / (3.0 * material.lam + 2.0 * material.mu) * values.sum(1)[:, None]
+    h = (values - mean) / (2.0 * material.mu)
     e = np.einsum("nij,nj,nkj->nik", axes, np.expm1(2.0 * h), axes)
     return e[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]

@@ -28,11 +28,16 @@ def some_stresses() -> np.ndarray:
     return 0.5 * (shear + shear.transpose(0, 2, 1)) - rng.uniform(500, 2e4, len(POSITIONS))[:, None, None] * np.eye(3)
 
 
+def kirchhoff(solver: mpm.Solver) -> np.ndarray:
+    """Stresses [Pa] (n, 3, 3) in the particles' initial volume."""
+    return solver.stresses() * solver.volume_ratios()[:, None, None]
+
+
 def test_particles_begin_under_the_stress_that_was_given() -> None:
     given = some_stresses()
-    assert np.abs(make(SAND, given).stresses() - given).max() < 1e-9 * np.abs(given).max()
-    pressure = np.linspace(0.0, 2e3, len(POSITIONS))[:, None, None] * -np.eye(3)
-    assert np.abs(make(WATER, pressure).stresses() - pressure).max() < 1e-9 * 2e3
+    assert np.abs(kirchhoff(make(SAND, given)) - given).max() < 1e-9 * np.abs(given).max()
+    pressure = np.linspace(0.0, 3e4, len(POSITIONS))[:, None, None] * -np.eye(3)
+    assert np.abs(kirchhoff(make(WATER, pressure)) - pressure).max() < 1e-9 * 3e4
 
 
 def test_two_bodies_keep_their_own() -> None:
@@ -41,14 +46,14 @@ def test_two_bodies_keep_their_own() -> None:
     solver = mpm.Solver(grid=GRID, precision="f64", bodies=[
         mpm.Body(WATER, POSITIONS[left], volume=VOLUME), mpm.Body(SAND, POSITIONS[~left], volume=VOLUME,
                                                                   stress=given[~left])])
-    stresses = solver.stresses()
+    stresses = kirchhoff(solver)
     assert not stresses[: left.sum()].any()
     assert np.abs(stresses[left.sum():] - given[~left]).max() < 1e-9 * np.abs(given).max()
 
 
 @pytest.mark.parametrize("law", [SAND, WATER, mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0)])
 def test_a_bed_under_its_own_weight_stays_at_rest(law: object) -> None:
-    """It moves by less than a hundredth of what it does where it begins without stress."""
+    """It moves at less than a hundredth of the speed that it does where it begins without stress."""
     speeds = []
     for stress in (None, mpm.geostatic_stress(POSITIONS, VOLUME, law)):
         solver, fastest = make(law, stress), 0.0
@@ -56,7 +61,7 @@ def test_a_bed_under_its_own_weight_stays_at_rest(law: object) -> None:
             solver.advance(1e-3)
             fastest = max(fastest, np.abs(solver.velocities()).max())
         speeds.append(fastest)
-    assert speeds[1] < 0.02 * speeds[0]
+    assert speeds[1] < 0.01 * speeds[0]
 
 
 def test_weight_of_the_column_above_and_what_stands_sideways() -> None:
