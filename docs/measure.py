@@ -233,29 +233,35 @@ EPISODES = 30
 
 
 def networks(_: Path) -> None:
-    """Train the sweep of the bundled policies, take the best of finished runs, and score those of a task."""
+    """Train the sweep of the bundled policies, take the best of finished runs, and score those of a task.
+    The first seed's policy is bundled; scores are those of all seeds."""
     from generators.results.learning import KINDS, NETWORKS, TRAINED
 
     from policies.runs.sweep_file import load_sweep, plan_runs
 
     words = ["sweep", "configs/published/networks.yaml", "--jobs", "2"]
     subprocess.run([sys.executable, "-m", "robosim", *words], cwd=HERE.parent, check=False)
-    taken: dict[str, list[str]] = {}
+    taken: dict[str, dict[Path, float]] = {}  # task -> folder of policies that differ in the seed -> newest [s]
     for run in plan_runs(load_sweep(HERE.parent / words[1])):
-        task, best = run.arguments[2], HERE.parent / run.out / "best_policy.npz"
+        task, best, kind = run.arguments[2], HERE.parent / run.out / "best_policy.npz", KINDS[run.out.parent.name]
         if run.state != "finished" or not best.is_file():
             print(f"{run.out}: {run.state}, no policy")
             continue
-        policy = TRAINED / KINDS[run.out.parent.name] / f"{task}.npz"
-        shutil.copy2(best, policy)
-        taken.setdefault(task, []).append(str(policy.relative_to(HERE.parent)))
+        folder = Path("out/networks") / task / kind
+        stored = HERE.parent / folder / run.out.name / "best.npz"
+        stored.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(best, stored)
+        if run.out.name == "seed_0":
+            shutil.copy2(best, TRAINED / kind / f"{task}.npz")
+        folders = taken.setdefault(task, {})
+        folders[folder] = max(folders.get(folder, 0.0), best.stat().st_mtime)
 
     def score(task: str, suite: str) -> None:
-        out = HERE.parent / "out" / "networks" / task / suite
-        scored, newest = out / "evaluation.json", max((HERE.parent / path).stat().st_mtime for path in taken[task])
-        if not scored.is_file() or scored.stat().st_mtime < newest:
-            beside = ["--beside", *taken[task][1:]] if taken[task][1:] else []
-            command(["evaluate", task, "--policy", taken[task][0], *beside, "--suite", suite,
+        out, names = HERE.parent / "out" / "networks" / task / suite, [str(folder) for folder in taken[task]]
+        scored = out / "evaluation.json"
+        if not scored.is_file() or scored.stat().st_mtime < max(taken[task].values()):
+            beside = ["--beside", *names[1:]] if names[1:] else []
+            command(["evaluate", task, "--policy", names[0], *beside, "--suite", suite,
                      "--episodes", str(EPISODES)], out)
         for end in ("json", "csv"):
             shutil.copyfile(out / f"evaluation.{end}", NETWORKS / f"{task}_{suite}.{end}")

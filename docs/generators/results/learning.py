@@ -88,7 +88,7 @@ def networks_page() -> str:
         own = [one for one in evaluations if one["suite"] == suite]
         lines = []
         for one in own:
-            named = {Path(name).parent.name: figures for name, figures in one["policies"].items()} | one["policies"]
+            named = {part: figures for name, figures in one["policies"].items() for part in Path(name).parts[-2:]}
             lines.append([one["task"], *(cell for name in (*FOLDERS.values(), *COMPARED)
                                          for cell in score_and_success(named.get(name)))])
         commits = ", ".join(sorted({f"`{one['made_by']['commit']}`" for one in own}))
