@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from mpm.backend.cache_folder import remove_stale_lock, user_cache_folder, writable_folder
 from mpm.backend.owner import Owner
-from mpm.backend.tracing import cache_sources
+from mpm.backend.tracing import cache_sources, skip_source_lookups
 from mpm.errors import BackendError, InvalidValue, MoreThreadsThanCores, UnknownName
 
 
@@ -34,6 +34,8 @@ os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")  # a thread that writes to 
 # without a home, Taichi ends the process here; nothing is written before `init`
 with _environment(XDG_CACHE_HOME=str(user_cache_folder() or os.devnull)):
     import taichi as ti
+
+skip_source_lookups(ti.lang.kernel_impl)
 
 ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda, "vulkan": ti.vulkan}
 PRECISIONS = ("f32", "f64")
