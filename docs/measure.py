@@ -3,7 +3,8 @@
 Names: rehearsal_spoon (and the pictures of it), gallery (a still of each of the other rehearsals), arms (three
 rehearsals with every arm, with its hand and without), foreign_arms (the spoon with arms of other packages, which
 docs/developer/testing.md says how to get), report, stability, bench, bench_field, networks (the bundled policies and
-their scores: hours, and continues where it was interrupted). Without a name: all but networks.
+their scores) and tables (the paper's): hours and days, which continue where they were interrupted. Without a name:
+all but these two.
 """
 
 import json
@@ -275,15 +276,37 @@ def networks(_: Path) -> None:
         {"made_by": "robosim tables out/networks", **{key: rows[key] for key in ("runs", "code")}}, indent=1) + "\n")
 
 
+def tables(_: Path) -> None:
+    """Run the queue of the paper's tables, and store the rows of finished runs in place of earlier ones of theirs."""
+    from generators.results.learning import TRAINED
+
+    from policies.results.rows import pack_rows
+    from policies.results.tables import collect_rows
+    from policies.runs.sweep_file import load_sweep
+
+    file = HERE.parent / "configs" / "published" / "tables.yaml"
+    for task in load_sweep(file).tasks:
+        command(["rollouts", task], HERE.parent / "out" / "tables" / "rollouts" / task)
+    words = ["sweep", str(file.relative_to(HERE.parent)), "--jobs", "2"]
+    subprocess.run([sys.executable, "-m", "robosim", *words], cwd=HERE.parent, check=False)
+    rows = {}
+    for source in (TRAINED / "tables.json", HERE.parent / "out" / "tables"):  # the second takes the place of the first
+        rows |= {(row["task"], row["method"], row["seed"]): row for row in collect_rows([source])[0]}
+    stored = {"made_by": "python docs/measure.py tables", **pack_rows([rows[key] for key in sorted(rows)])}
+    (TRAINED / "tables.json").write_text(json.dumps(stored, indent=1) + "\n")
+
+
+LONG = ("networks", "tables")
 TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "rehearsal_spoon": rehearsal_spoon, **{name: partial(whole, name) for name in WHOLE}, "bench_field": bench_field,
-    "gallery": gallery, "arms": arms, "foreign_arms": foreign_arms, "networks": networks}
+    "gallery": gallery, "arms": arms, "foreign_arms": foreign_arms, "networks": networks,
+    "tables": tables}
 
 
 def main(names: list[str]) -> None:
     """Measure what is named, into a folder that is removed afterwards."""
     DATA.mkdir(parents=True, exist_ok=True)
-    for name in names or [name for name in TASKS if name != "networks"]:
+    for name in names or [name for name in TASKS if name not in LONG]:
         out = HERE / "_build" / "measured" / name
         shutil.rmtree(out, ignore_errors=True)
         out.mkdir(parents=True)

@@ -36,7 +36,8 @@ def say_meant(given: object, valid: Iterable[str]) -> str:
 def say_unknown(what: str, given: object, valid: list[str], also: str = "") -> str:
     """Return the message about a name that is not valid, with the one that was probably meant.
     also: what else is accepted."""
-    accepted = ", ".join([*valid, also] if also else valid)
+    names = [name if name.isprintable() else repr(name) for name in valid]
+    accepted = ", ".join([*names, also] if also else names)
     return f"unknown {what} {given!r:.200}; valid: {accepted}{say_meant(given, valid)}"
 
 

@@ -43,6 +43,12 @@ def syntax_of(source: str) -> ast.Module:
     return tree
 
 
+def show(name: object) -> str:
+    """Return a name as messages show it: quoted where it would break their line, and shortened."""
+    text = str(name)
+    return text[:200] if text.isprintable() else quote(text)
+
+
 def quote(value: object) -> str:
     """Return a value as messages show it: shortened, and without a failure for integers of thousands of digits."""
     short = reprlib.Repr()

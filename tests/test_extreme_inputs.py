@@ -24,7 +24,7 @@ from robosim.config.settings import read_setting, with_settings
 from robosim.config.table import load, validate
 from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.robot import load_arm
-from robosim.scene.field import check_field, check_substeps, largest_step
+from robosim.scene.field import check_field, check_substeps, choose_substep
 from robosim.scene.grains import grain_volume
 from robosim.tasks.task import TaskConfig, is_task, load_task
 
@@ -78,7 +78,7 @@ def use(config: Any) -> None:
         check_field(config, salt)
         assert WaypointPath(config).duration / config.host_dt < 1e6
     if isinstance(config, TaskConfig):
-        check_substeps("step_dt", config.step_dt, largest_step(config, salt))
+        check_substeps("step_dt", config.step_dt, choose_substep(config, salt))
         grain_volume(config)
         config.scripted_path().pose(0.1)
     if isinstance(config, SweepFile):

@@ -21,6 +21,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "dosing.md": dosing.page,
     "foreign_arms.md": performance.foreign_arms_page,
     "learning_scores.md": learning.scores_page,
+    "learning_paper.md": learning.paper_page,
     "learning_changes.md": learning.changes_page,
     "learning_changes.svg": learning.changes_figure,
     "learning_networks.md": learning.networks_page,

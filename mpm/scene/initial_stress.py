@@ -52,7 +52,7 @@ def check_stress(material: Material, stress: np.ndarray, count: int) -> np.ndarr
     """Return a copy of the stresses of a body; raise InvalidValue for what its law cannot begin under."""
     checked = check_finite("Body: stress", stress, (count, 3, 3))
     if np.abs(checked - checked.transpose(0, 2, 1)).max() > 1e-6 * np.abs(checked).max():
-        raise InvalidValue("Body: stress is not symmetric; accepted: Cauchy stresses [Pa], (n, 3, 3), tension positive")
+        raise InvalidValue("Body: stress is not symmetric; accepted: stresses [Pa], (n, 3, 3), tension positive")
     name = type(material).__name__
     if isinstance(material, NewtonianFluid):
         deviator = checked - np.trace(checked, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import Field
 
-from mpm.files import quote
+from mpm.files import quote, show
 from robosim.base.resources import config_path
 from robosim.config.bounds import Text
 from robosim.config.settings import Setting
@@ -178,9 +178,10 @@ class Preset(Table):
                 name = "net_arch" if place.startswith("policy_kwargs.net_arch") else place.rsplit(".", 1)[-1]
                 least, most = OPTION_BOUNDS.get(name, ANY_OPTION)
                 if not least <= value <= most or (name in WHOLE and value != int(value)):
-                    raise ValueError(f"{place} = {quote(value)}; accepted: {least:g} to {most:g}")
+                    raise ValueError(f"{show(place)} = {quote(value)}; accepted: {least:g} to {most:g}")
             elif isinstance(value, str) and (len(value) > 1000 or (place in OPTION_BOUNDS and place not in WITH_TEXT)):
-                raise ValueError(f"{place} = {quote(value)}; accepted: a number, or a text of up to 1000 characters")
+                raise ValueError(f"{show(place)} = {quote(value)}; accepted: a number, or a text of up to 1000 "
+                                 f"characters")
             if len(pending) > MAX_OPTIONS:
                 raise ValueError(f"more than {MAX_OPTIONS} values")
         return options

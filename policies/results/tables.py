@@ -1,61 +1,20 @@
 """`robosim tables`: the figures of finished runs, from run folders and earlier tables, beside published numbers."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import mpm
+from policies.results.beside import MISSING, TextTable, list_tasks, paper_tables, score_table
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.rows import ROW, find_stale, make_row, pack_rows, unpack_rows
 from policies.results.summary import FIGURES, Summaries, summarise_runs
 from robosim.base.digests import digest
 from robosim.base.files import write_rows
 from robosim.base.input_files import check_form, read_json
-from robosim.base.output_folder import OutputFolder, aligned
-from robosim.base.resources import folder
+from robosim.base.output_folder import OutputFolder
+from robosim.base.resources import CHECKOUT, folder
 from robosim.config.table import read
 from robosim.reports.page import Page
-
-SCORES = {"tcs_evaluated": "evaluated", "tcs_last10": "last ten", "tcs_of_best_return": "best motion"}
-"""Figures of the table of scores, and their columns."""
-
-
-class TextTable(NamedTuple):
-    """A table of texts with a title."""
-
-    title: str
-    head: list[str]
-    rows: list[list[str]]
-
-    @property
-    def text(self) -> str:
-        """The table for a terminal."""
-        return f"{self.title}:\n{aligned([self.head, *self.rows])}"
-
-
-def list_tasks(summaries: Summaries, published: dict) -> list[str]:
-    """Return the tasks that there are runs of: published ones in their order, then the others."""
-    found = {task for row in summaries.values() for task in row}
-    return [*(task for task in published["tasks"] if task in found), *sorted(found - set(published["tasks"]))]
-
-
-def score_table(summaries: Summaries, published: dict) -> TextTable:
-    """Return the scores of every task and method, ours in a column each, beside the published one."""
-    def form(cell: dict | None) -> str:
-        if cell is None:
-            return "-"
-        return f"{cell['mean']:.1f}" + (f" ± {cell['std']:.1f}" if cell["n"] > 1 else "")
-
-    rows = []
-    for task in list_tasks(summaries, published):
-        for line in sorted(line for line in summaries if task in summaries[line]):
-            cells = summaries[line][task]
-            theirs = cells.get("tcs_last10", {}).get("published")
-            rows.append([task, line, str(max(cell["n"] for cell in cells.values())),
-                         *(form(cells.get(figure)) for figure in SCORES),
-                         "-" if theirs is None else f"{theirs[0]:.1f} ± {theirs[1]:.1f}"])
-    return TextTable(f"scores: the best policy without exploration, the last ten episodes, the motion with the highest "
-                     f"return; last column {published['source']}, last ten episodes",
-                     ["task", "method", "runs", *SCORES.values(), "published"], rows)
 
 
 def fill_page(page: Page, summaries: Summaries, published: dict, sources: list[Path],
@@ -88,6 +47,8 @@ def _format_cell(cell: dict[str, Any] | None) -> str:
 
 
 PUBLISHED = "arxiv_2406_09178.yaml"
+STORED = CHECKOUT / "policies" / "trained" / "tables.json"
+"""Rows of configs/published/tables.yaml."""
 
 
 def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -151,6 +112,22 @@ def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
         raise mpm.InvalidValue(f"{', '.join(map(str, sources))}: no finished run; "
                                f"{'; '.join(unfinished) or 'no runs at all'}")
     return rows, unfinished
+
+
+def print_paper(sources: list[Path]) -> int:
+    """Print the tables of the paper with our figures in them, and what they lack; return 0, or 1 for empty cells.
+    Raises mpm.InvalidValue as `require_rows`."""
+    rows, _ = require_rows(sources)
+    published = read(folder("configs") / "published" / PUBLISHED)
+    missing = set[str]()
+    for table in paper_tables(rows, published):
+        print(table.text, end="\n\n")
+        missing |= {f"{row[0]} {task}" for row in table.rows for task, cell in zip(table.head[1:], row[1:])
+                    if cell == MISSING}
+    print("n: runs; *: made by code that has changed since (--check says what)")
+    print(f"no run of {', '.join(sorted(missing))}; robosim sweep configs/published/tables.yaml makes them" if missing
+          else "every cell has its runs")
+    return int(bool(missing))
 
 
 def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:

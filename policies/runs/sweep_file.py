@@ -20,6 +20,8 @@ from robosim.config.table import Table, load
 
 Short = Annotated[str, Field(max_length=4096)]
 """A name, an argument or a path; Linux takes paths of up to 4096 characters."""
+Seed = Annotated[int, Field(ge=0, le=2**31 - 1)]
+"""numpy takes up to 2^32 - 1, and later episodes have larger ones."""
 MAX_RUNS = 10_000
 """Runs of a sweep: at an hour each, a year of one core."""
 
@@ -36,6 +38,10 @@ class Entry(Table):
     """Folder of the demonstrations; null: the sweep's."""
     options: list[Short] = Field([], max_length=1000)
     """Further arguments of `robosim train`, after those of the sweep."""
+    tasks: list[Short] | None = Field(None, min_length=1, max_length=MAX_RUNS)
+    """Those of the sweep's tasks that it is run on; null: all."""
+    seeds: list[Seed] | None = Field(None, min_length=1, max_length=MAX_RUNS)
+    """null: the sweep's."""
 
     @pydantic.model_validator(mode="before")
     @classmethod
@@ -57,8 +63,7 @@ class SweepFile(Table):
     tasks: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
     methods: list[Entry] = Field(min_length=1, max_length=MAX_RUNS)
     """Methods, each a name, a file, or a table that changes one."""
-    seeds: list[Annotated[int, Field(ge=0, le=2**31 - 1)]] = Field(min_length=1, max_length=MAX_RUNS)
-    """Seeds; numpy takes up to 2^32 - 1, and later episodes have larger ones."""
+    seeds: list[Seed] = Field(min_length=1, max_length=MAX_RUNS)
     demos: Short | None = None
     """Folder of the demonstrations; {task} stands for the task's name."""
     rollouts: Short | None = None
@@ -73,7 +78,11 @@ class SweepFile(Table):
     """Runs are written to out/task/method/seed_k, or out/task/name/seed_k for an entry."""
 
     def check(self) -> None:
-        count = len(self.tasks) * len(self.methods) * len(self.seeds)
+        for k, entry in enumerate(self.methods):
+            if unknown := set(entry.tasks or ()) - set(self.tasks):
+                raise ValueError(f"methods[{k}].tasks: {', '.join(sorted(unknown))}; accepted: those of the sweep, "
+                                 f"{', '.join(self.tasks)}")
+        count = sum(len(entry.tasks or self.tasks) * len(entry.seeds or self.seeds) for entry in self.methods)
         if count > MAX_RUNS:
             raise ValueError(f"tasks, methods and seeds make {count} runs; accepted: up to {MAX_RUNS}")
 
@@ -120,7 +129,10 @@ def plan_runs(file: SweepFile) -> list[SweepRun]:
     for task in file.tasks:
         check_trainable(task)
     runs: dict[Path, SweepRun] = {}
-    for seed, task, method in product(file.seeds, file.tasks, file.methods):
+    seeds = dict.fromkeys([*file.seeds, *(seed for entry in file.methods for seed in entry.seeds or ())])
+    for seed, task, method in product(seeds, file.tasks, file.methods):
+        if task not in (method.tasks or file.tasks) or seed not in (method.seeds or file.seeds):
+            continue
         run = _plan_run(file, seed, task, method)
         if run.out in runs:
             both = [" ".join(["robosim", *one.arguments]) for one in (runs[run.out], run)]

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from mpm.files import show
 from robosim.base.errors import ConfigError
 
 MAX_KEYS = 20
@@ -35,13 +36,13 @@ def read_setting(text: str) -> Setting:
     key, equals, value = text.partition("=")
     path = tuple(key.strip().split("."))
     if not equals or not all(path) or len(path) > MAX_KEYS:
-        raise ConfigError(f"--set {text[:200]}; accepted: KEY=VALUE with a dotted key, such as field.cell=0.005")
+        raise ConfigError(f"--set {show(text)}; accepted: KEY=VALUE with a dotted key, such as field.cell=0.005")
     if re.fullmatch(r"\s*[-+]?\d+(\.\d*)?[eE][-+]?\d+\s*", value):  # YAML 1.1 takes 3e-4 for a text
         return Setting(path, float(value))
     try:
         return Setting(path, parse_yaml(value))
     except ValueError as error:
-        raise ConfigError(f"--set {text[:200]}: the value cannot be read as YAML: {error}") from None
+        raise ConfigError(f"--set {show(text)}: the value cannot be read as YAML: {error}") from None
 
 
 def parse_yaml(text: str) -> Any:

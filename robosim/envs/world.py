@@ -15,7 +15,7 @@ from robosim.envs.start import StartOptions, rotate_grains, settled_state
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import HARD, choose_ranges
 from robosim.randomization.variants import hardened
-from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, check_substeps, largest_step
+from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, check_substeps, choose_substep
 from robosim.scene.grains import Filling, fill, grain_volume, grain_volume_of
 from robosim.senses.perception import Perception
 from robosim.senses.senses import DRAWN_TIMING
@@ -78,7 +78,7 @@ class World:
             raise ConfigError(f"randomize: {', '.join(ranges)} with load; accepted with load: neither material, nor "
                               f"fill, nor surface_slope_deg")
         self._name, self.load, self._home, law = name, load, self.task.start.pose, self.material.make_law()
-        check_substeps("step_dt", self.task.step_dt, self.randomization.step or largest_step(self.task, law))
+        check_substeps("step_dt", self.task.step_dt, self.randomization.step or choose_substep(self.task, law))
         self.solver = build_field(self.task, law, self._home, FieldOptions(
             is_carried=mobile, moves_containers=self.randomization.moves_places,
             grain_diameter=grain_diameter_of(self.material),

@@ -15,7 +15,7 @@ from robosim.config.materials import Law, MaterialConfig, number_names, overridd
 from robosim.randomization.materials import find_material
 from robosim.randomization.ranges import IN_LEVELS, LEVELS, MATERIAL, NUMBERS, Ranges, valid_numbers
 from robosim.randomization.variants import check_fill, displacement, filled
-from robosim.scene.field import largest_step
+from robosim.scene.field import choose_substep
 from robosim.scene.grains import grain_volume
 from robosim.tasks.draw import HOME, Draw, Setting, Vector
 from robosim.tasks.outcome import load_mass
@@ -53,7 +53,7 @@ class Randomization:
         for fill, slope in itertools.product(self.levels("fill"), self.levels("surface_slope_deg")):
             check_fill(task, fill or 1.0, slope)
         self.step = self._common_step()
-        """Substep [s] that every material of an episode allows, a whole part of a step; None where none is drawn."""
+        """Substep [s] that every material of an episode allows; None where none is drawn."""
         self._check_target(volume)
 
     def _read_range(self, name: str, pair: Any, arm: bool) -> tuple[float, float]:
@@ -76,10 +76,9 @@ class Randomization:
         if not own and not self.materials:
             return None
         fullest = filled(self._task, max(self.levels("fill")) or 1.0)  # whose grains are the largest
-        least = min(largest_step(fullest, overridden(material, dict(zip(own, corner))).make_law())
-                    for material in [self._own, *self.materials.values()]
-                    for corner in itertools.product(*own.values()))
-        return self._task.step_dt / math.ceil(self._task.step_dt / least - 1e-9)
+        return min(choose_substep(fullest, overridden(material, dict(zip(own, corner))).make_law())
+                   for material in [self._own, *self.materials.values()]
+                   for corner in itertools.product(*own.values()))
 
     def _check_target(self, handed_over: float | None) -> None:
         """Raise ConfigError for a mass to dose above what the tool holds; handed_over: volume of a grain [m^3]."""

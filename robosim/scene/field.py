@@ -65,8 +65,7 @@ def build_field(scene: SceneConfig, law: Law, tool_pose: mpm.Pose,
     colliders += build_container_colliders(scene, static=not options.moves_containers)
     grains = options.grains or fill(scene, tool, tool_pose, options.seed)
     stress = None if scene.COMES_TO_REST else mpm.geostatic_stress(grains.positions, grains.volume, law)
-    dt = options.dt or (requested_step(scene, law) if scene.COMES_TO_REST else field.dt)
-    dt = dt or fitted_step(scene.advance_dt, choose_step(None, field.cell, [law], grains.volume))
+    dt = options.dt or choose_substep(scene, law, grains.volume)
     sleeps = not (scene.COMES_TO_REST or is_shared()) if field.sleep is None else field.sleep
     with warnings.catch_warnings():
         if options.grains is not None:  # grains that have flowed stand in no lattice any more
@@ -113,9 +112,12 @@ def fitted_step(duration: float, dt: float) -> float:
     return duration / math.ceil(duration / (FITTED * dt))
 
 
-def largest_step(scene: SceneConfig, law: Law) -> float:
-    """Return the largest substep [s] that a scene's field takes with a law."""
-    return choose_step(requested_step(scene, law), scene.field.cell, [law], grain_volume(scene))
+def choose_substep(scene: SceneConfig, law: Law, volume: float | None = None) -> float:
+    """Return the substep [s] of a scene's field with a law: the scene's own, or the default one as it fits an advance.
+    volume: of a grain [m^3]; None: as the scene has it."""
+    own = requested_step(scene, law) if scene.COMES_TO_REST else scene.field.dt
+    return own or fitted_step(scene.advance_dt, choose_step(None, scene.field.cell, [law],
+                                                            volume or grain_volume(scene)))
 
 
 def choose_region(config: RehearsalConfig) -> RehearsalConfig:

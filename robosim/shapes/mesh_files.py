@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from mpm.files import show
 from robosim.base.errors import ConfigError, DoubledFaces, note
 from robosim.shapes.self_cuts import check_intersections
 
@@ -103,7 +104,7 @@ def check_surface(surface: trimesh.Trimesh, path: Path) -> None:
 def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     """Read a file with vertices merged, each face once (DoubledFaces), and its unit checked; raises ConfigError."""
     if not path.is_file():
-        raise ConfigError(f"{path}: no such file; accepted: a mesh, {' or '.join(SUFFIXES)}")
+        raise ConfigError(f"{show(path)}: no such file; accepted: a mesh, {' or '.join(SUFFIXES)}")
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigError(f"{path}: {path.suffix or 'no'} format; accepted: {', '.join(SUFFIXES)}")
     if path.stat().st_size > MOST_BYTES:

@@ -10,11 +10,12 @@ import yaml
 
 from generators.markdown import table
 from generators.results.measured import ROOT
+from policies.results.beside import paper_tables, score_table
 from policies.results.curves import draw_curves, group_curves
 from policies.results.rows import find_stale
 from policies.results.summary import summarise_runs
-from policies.results.tables import collect_rows, score_table
-from policies.runs.sweep_file import load_sweep, plan_runs
+from policies.results.tables import collect_rows
+from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 from robosim.studies.evaluation import NETWORKS as FOLDERS
 
 TRAINED = ROOT / "policies" / "trained"
@@ -23,13 +24,14 @@ NETWORKS = ROOT / "docs" / "results" / "data" / "networks"
 KINDS = {"dagger": FOLDERS["network"], "student": FOLDERS["student"]}
 """Line of the sweep that makes the bundled policies -> folder of policies/trained."""
 COMPARED = ("knowing", "recorded", "scripted")
-SINGLE_CHANGES = ("single_changes.yaml", "thousand_decisions.yaml")
+CHANGED = "dg_sac_literal"
+"""The paper's own method, which entries of the queue change."""
+CHANGED_ON = ["SpoonTranslate", "SpoonPour", "ShovelMove"]
 
 
-def read_runs(name: str) -> tuple[list[dict], dict]:
-    """The rows of a table, and their statistics by line, task and figure."""
-    rows, _ = collect_rows([TRAINED / name])
-    return rows, summarise_runs(rows, published_results())[0]
+def read_runs() -> list[dict]:
+    """The rows of the queue's finished runs."""
+    return collect_rows([TRAINED / "tables.json"])[0]
 
 
 def published_results() -> dict:
@@ -45,20 +47,45 @@ def age(rows: list[dict]) -> str:
 
 def scores_page() -> str:
     """Scores of today's runs, each figure of ours in a column, and published scores."""
-    rows, summaries = read_runs("tables.json")
-    scores = score_table(summaries, published_results())
+    rows = [row for row in read_runs() if row["method"] not in change_names()]
+    scores = score_table(summarise_runs(rows, published_results())[0], published_results())
     commits = ", ".join(f"`{commit}`" for commit in sorted({row["commit"] for row in rows}))
     return f"""{len(rows)} training runs at {commits}. {age(rows)}
 
 {table(scores.head, [[row[0], f"`{row[1]}`", *row[2:]] for row in scores.rows])}"""
 
 
+def paper_page() -> str:
+    """The tables of the paper, ours above theirs."""
+    parts = [f"{one.title[0].upper()}{one.title[1:]}.\n\n"
+             f"{table(one.head, [[f'`{row[0]}`', *row[1:]] for row in one.rows])}"
+             for one in paper_tables(read_runs(), published_results())]
+    return "\n\n".join([f"In brackets the number of our runs; `*`: {age_of_rows()}", *parts])
+
+
+def age_of_rows() -> str:
+    """How many of the stored rows are old."""
+    rows = read_runs()
+    return f"made by code that has changed since ({sum(map(len, find_stale(rows).values()))} of {len(rows)} runs)."
+
+
+def queue() -> SweepFile:
+    """The queue that makes the rows."""
+    return load_sweep(ROOT / "configs" / "published" / "tables.yaml")
+
+
+def change_names() -> list[str]:
+    """Entries of the queue that change the paper's own method on some of the sub-tasks, and what they change."""
+    return [entry.name for entry in queue().methods if entry.method == CHANGED and (
+        entry.tasks == CHANGED_ON or entry.name in (CHANGED, "grains_as_one"))]
+
+
 def changes_page() -> str:
     """Scores of the paper's own method with one change at a time: median, worst and best seed."""
-    rows, _ = read_runs("single_changes.json")
-    sweeps = [load_sweep(ROOT / "configs" / "published" / name) for name in SINGLE_CHANGES]
-    methods = [entry.name for sweep in sweeps for entry in sweep.methods]
-    whole, tasks = sum(len(plan_runs(sweep)) for sweep in sweeps), sweeps[0].tasks
+    methods, tasks = change_names(), CHANGED_ON
+    rows = [row for row in read_runs() if row["method"] in methods and row["task"] in tasks]
+    whole = len(plan_runs(queue().model_copy(update={"tasks": tasks, "methods": [
+        entry for entry in queue().methods if entry.name in methods]})))
 
     def cell(method: str, task: str, key: str) -> str:
         values = sorted(row[key] for row in rows if (row["method"], row["task"]) == (method, task))
@@ -68,14 +95,15 @@ def changes_page() -> str:
     head = ["change", *(f"{task}, {name}" for task in tasks for name in ("evaluated", "last ten"))]
     lines = [[f"`{method}`", *(cell(method, task, key) for task in tasks
                                for key in ("tcs_evaluated", "tcs_last10"))] for method in methods]
-    return f"{len(rows)} of {whole} runs. {age(rows)}\n\n{table(head, lines)}"
+    return f"{len(rows)} runs, of which the queue has {whole}. {age(rows)}\n\n{table(head, lines)}"
 
 
 def changes_figure() -> str:
     """Their learning curves."""
     text = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": "robosim", "font.size": 9}):
-        draw_curves(text, group_curves(read_runs("single_changes.json")[0]), "svg")
+        draw_curves(text, group_curves([row for row in read_runs() if row["method"] in change_names()
+                                        and row["task"] in CHANGED_ON]), "svg")
     return text.getvalue()
 
 

@@ -80,12 +80,18 @@ def test_weight_of_the_column_above_and_what_stands_sideways() -> None:
     (SAND, np.full((len(POSITIONS), 3, 3), np.nan), "finite"),
     (SAND, np.tile(np.triu(np.ones((3, 3))), (len(POSITIONS), 1, 1)), "symmetric"),
     (SAND, np.tile(-1e6 * np.eye(3), (len(POSITIONS), 1, 1)), "stiffer"),
+    (WATER, np.tile(-3.2e4 * np.eye(3), (len(POSITIONS), 1, 1)), r"-3.2e\+04 Pa .* 30% .* down to -3.15e\+04 Pa"),
     (WATER, np.tile(np.diag([-1.0, -1.0, -2.0]), (len(POSITIONS), 1, 1)), "deviator"),
     (NeoHookean(E=1e5, nu=0.2, density=1e3), np.tile(-np.eye(3), (len(POSITIONS), 1, 1)), "NeoHookean"),
 ])
 def test_other_stresses_are_refused_by_name(law: object, stress: np.ndarray, message: str) -> None:
     with pytest.raises(mpm.InvalidValue, match=message):
         mpm.Body(law, POSITIONS, volume=VOLUME, stress=stress)
+
+
+def test_the_largest_pressure_of_a_fluid_leaves_seventy_percent_of_its_volume() -> None:
+    fluid = make(WATER, np.tile(-3.15e4 * (1 - 1e-9) * np.eye(3), (len(POSITIONS), 1, 1)))
+    assert fluid.volume_ratios() == pytest.approx(0.7, rel=1e-6)
 
 
 @pytest.mark.parametrize(("positions", "options", "message"), [

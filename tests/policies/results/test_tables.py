@@ -12,7 +12,7 @@ from policies.learning.presets import load_preset
 from policies.results.curves import group_curves
 from policies.results.rows import preset_digest
 from policies.results.summary import summarise
-from policies.results.tables import check, collect_rows, tables
+from policies.results.tables import check, collect_rows, print_paper, tables
 from robosim.base.digests import exercised_code
 from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names
@@ -154,6 +154,7 @@ def test_each_score_has_a_column_beside_the_published_one(tmp_path: Path, capsys
 
 def test_rows_older_than_the_code_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """By the modules that changed; also rows of a dirty tree, of other settings, and those that cannot tell."""
+    assert mpm.Solver  # which is loaded when it is first named
     now = exercised_code()
     assert {"policies.results.tables", "policies.commands.tables"}.isdisjoint(now) and "mpm.solver" in now
     assert len(now) > 30
@@ -193,3 +194,21 @@ def test_curves_are_means_of_ten_episodes_and_are_drawn(tmp_path: Path) -> None:
     assert tables([tmp_path / "first" / "tables.json"], tmp_path / "second") == 0
     assert (tmp_path / "second" / "curves.png").read_bytes() == (tmp_path / "first" / "curves.png").read_bytes()
     assert group_curves(rows) == {"SpoonPour": {"dg_sac": [row["curve"] for row in rows[:2]]}}
+
+
+def test_tables_of_the_paper_name_what_has_no_run(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Ours stand above the published figures, with the number of runs; rows of other code are marked."""
+    for seed, score in enumerate((12.0, 16.0)):
+        write_run(tmp_path / f"{seed}", seed, score, code=exercised_code())
+    write_run(tmp_path / "old", 0, 7.0, method="sac", code={"mpm": "1"})
+    assert print_paper([tmp_path]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    scores = lines[1: lines.index("")]
+    columns = [line.split("  ") for line in scores]
+    named = {cells[0]: [cell.strip() for cell in cells[1:] if cell.strip()] for cells in columns}
+    pour = named["method"].index("SpoonPour")
+    assert named["dg_sac"][pour] == "12.0 ± 2.8 (n 2)" and named["dg_sac, published"][pour] == "18.6 ± 0.3"
+    assert named["sac"][pour] == "5.0 (n 1)*" and named["ppo"][pour] == "no run"
+    assert named["dg_sac"][named["method"].index("SpoonScoop")] == "no run"
+    missing = lines[-1].removeprefix("no run of ")
+    assert "ppo SpoonPour" in missing and ", dg_sac SpoonPour" not in missing and "all SpoonPour" not in missing

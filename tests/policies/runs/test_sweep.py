@@ -12,6 +12,10 @@ from policies.runs.sweep import sweep
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 from robosim.base.errors import ConfigError
 from robosim.base.jobs import read_last_line
+from robosim.base.resources import folder
+from robosim.config.table import read, validate
+
+PUBLISHED = folder("configs") / "published"
 
 
 def test_unknown_tasks_are_refused_before_any_run(tmp_path):
@@ -106,6 +110,32 @@ def test_entries_differ_in_any_option_each_in_a_folder_of_its_own(tmp_path):
         ["--demos", "one/SpoonPour"]]
     assert [run.preset["encoder"] for run in runs] == ["parts", None, None]
     assert runs[1].preset["options"] == {**runs[2].preset["options"], "learning_rate": 3e-4}
+
+
+def test_entries_with_tasks_and_seeds_of_their_own(tmp_path: Path) -> None:
+    """Every seed of the sweep comes before those that entries add; tasks are among the sweep's."""
+    whole = {"tasks": ["SpoonPour", "ShovelMove"], "seeds": [0, 1], "out": tmp_path}
+    few = {"name": "few", "method": "ppo", "tasks": ["ShovelMove"], "seeds": [2, 0]}
+    runs = plan_runs(SweepFile(methods=["sac", few], **whole))
+    assert [run.out.relative_to(tmp_path).as_posix() for run in runs] == [
+        "SpoonPour/sac/seed_0", "ShovelMove/sac/seed_0", "ShovelMove/few/seed_0",
+        "SpoonPour/sac/seed_1", "ShovelMove/sac/seed_1", "ShovelMove/few/seed_2"]
+    with pytest.raises(ConfigError, match=r"methods\[1\].tasks: SpoonScoop; accepted: .* SpoonPour, ShovelMove"):
+        validate({**whole, "out": str(tmp_path), "methods": ["sac", {**few, "tasks": ["SpoonScoop", "SpoonPour"]}]},
+                 tmp_path / "x.yaml", SweepFile)
+
+
+def test_the_queue_of_the_paper_has_a_run_for_every_published_cell() -> None:
+    """What each run needs is bundled, but for the rollouts, which are made before."""
+    published = read(PUBLISHED / "arxiv_2406_09178.yaml")
+    runs = plan_runs(load_sweep(PUBLISHED / "tables.yaml"))
+    planned = {(run.out.parent.name, run.arguments[2]) for run in runs}
+    cells = {(method, task) for method, values in published["tcs"].items()
+             for task, value in zip(published["tasks"], values) if value is not None}
+    assert len(cells) == 9 * 8 + 4 * 8 + 3 and cells <= planned
+    for run in runs:
+        if "--demos" in run.arguments:
+            assert (PUBLISHED.parents[1] / run.arguments[run.arguments.index("--demos") + 1]).exists()
 
 
 def test_entries_that_do_not_fit_are_refused_by_name(tmp_path):

@@ -10,7 +10,7 @@ from robosim.config.materials import Law, load_material
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.scene import ContainerConfig
 from robosim.envs import TASKS
-from robosim.scene.field import FITTED, build_field, build_tool_lattice, check_field, fitted_step
+from robosim.scene.field import build_field, build_tool_lattice, check_field
 from robosim.scene.grains import container_region, fill, is_in_container, leave_out_buried
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
@@ -83,16 +83,3 @@ def test_grains_in_a_wall_are_left_out() -> None:
     points = np.column_stack([np.zeros((5, 2)), 0.01 + heights])
     kept = leave_out_buried(points, mpm.Sdf.box((0.1, 0.1, 0.01)), 2e-3)
     assert np.array_equal(kept, points[2:])
-
-
-def test_substeps_are_the_fewest_that_divide_an_advance():
-    """None is longer than what is tolerated, and with one less they would be."""
-    rng = np.random.default_rng(0)
-    for duration, default in zip(10.0 ** rng.uniform(-4, -1, 200), 10.0 ** rng.uniform(-5, -3, 200)):
-        dt = fitted_step(duration, default)
-        assert duration / dt == pytest.approx(count := round(duration / dt), rel=1e-12)
-        assert dt <= FITTED * default * (1 + 1e-12)
-        assert count == 1 or duration / (count - 1) > FITTED * default
-    spoon = load_rehearsal("spoon")
-    field = build_field(spoon, load_material(spoon.material).make_law(), PLACE)
-    assert field.dt == pytest.approx(spoon.host_dt / 3)

@@ -72,11 +72,9 @@ def resting_body(law: Material, positions: np.ndarray, volume: float) -> mpm.Bod
     return mpm.Body(law, positions, volume=volume, stress=mpm.geostatic_stress(positions, volume, law))
 
 
-def load_pressure(solver: mpm.Solver, water: mpm.NewtonianFluid, depths: np.ndarray, gravity: float = 9.81) -> None:
-    """Compress the solver's water as its particles' depths [m] (n,) below the surface do."""
-    state = solver.state()
-    state["j"][:, 0] = -water.density * gravity * depths / water.bulk_modulus
-    solver.load(state)
+def hydrostatic_stress(water: mpm.NewtonianFluid, depths: np.ndarray, gravity: float = 9.81) -> np.ndarray:
+    """Return the stress [Pa] (n, 3, 3) of water at depths [m] (n,) below a surface that a solid may pierce."""
+    return -water.density * gravity * depths[:, None, None] * np.eye(3)
 
 
 def carry(timed: TimedSolver, displacement: Callable[[int], np.ndarray | list[float]], windows: int,

@@ -7,7 +7,14 @@ import trimesh
 
 import mpm
 from mpm.geometry.shell import SHELL_FACE
-from robosim.studies.verification.cases.beds import SMOOTH_SLICE, UPRIGHT, fill_box, load_pressure, set_up
+from robosim.studies.verification.cases.beds import (
+    SMOOTH_SLICE,
+    UPRIGHT,
+    fill_box,
+    hydrostatic_stress,
+    resting_body,
+    set_up,
+)
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within, each_within
 
@@ -77,10 +84,9 @@ def dam_break(*, cells: int = 20, courant: float = 0.4, precision: str = "f32", 
     cell, height = COLUMN / cells, 2 * COLUMN
     water = mpm.NewtonianFluid(bulk_modulus=DENSITY * sound**2, density=DENSITY, tension=tension,
                                volume_rate=volume_rate)
-    body = fill_box(water, (0, 0, 0), (COLUMN, cell, height), cell)
+    body = resting_body(water, mpm.sample_box((0, 0, 0), (COLUMN, cell, height), cell / 2), (cell / 2) ** 3)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (8.5 * COLUMN, cell, 1.2 * height), cell), walls=SMOOTH_SLICE,
                         dt=courant * cell / sound, bodies=[body], precision=precision)
-    load_pressure(solver, water, height - body.positions[:, 2])
     timed, unit = TimedSolver(solver), np.sqrt(COLUMN / (2 * G))
     times, front = [0.0], [1.0]
     while solver.time < 5.2 * unit:
@@ -122,9 +128,10 @@ def lock_gate(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: flo
                             process=False)
     shell = mpm.Shell.from_mesh(plate, thickness_cells * cell, face_cells=face_cells)
     gate = mpm.Collider(shell, friction=0.0, pose=mpm.Pose(np.array([middle, WIDTH / 2, 0.0]), UPRIGHT))
-    timed, solver = set_up(mpm.Body(water, positions, volume=volumes), (2 * CHAMBER, WIDTH, DEEP + 4 * cell), cell,
-                           colliders=[gate], precision=precision, walls=SMOOTH_SLICE, dt=courant * cell / SOUND)
-    load_pressure(solver, water, np.repeat([DEEP, SHALLOW], counts) - positions[:, 2])
+    stress = hydrostatic_stress(water, np.repeat([DEEP, SHALLOW], counts) - positions[:, 2])
+    body = mpm.Body(water, positions, volume=volumes, stress=stress)
+    timed, solver = set_up(body, (2 * CHAMBER, WIDTH, DEEP + 4 * cell), cell, colliders=[gate], precision=precision,
+                           walls=SMOOTH_SLICE, dt=courant * cell / SOUND)
     window = 0.005
     timed.settle(0.2)
     pushes = []

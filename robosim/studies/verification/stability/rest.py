@@ -10,7 +10,7 @@ import trimesh
 import mpm
 from mpm.materials.material import Material
 from mpm.materials.stable_step import material_bound
-from robosim.studies.verification.cases.beds import UPRIGHT, fill_box, load_pressure, rms
+from robosim.studies.verification.cases.beds import UPRIGHT, fill_box, rms
 from robosim.studies.verification.stability.cell import DENSITY, G, Outcome, make_sand
 
 CELL, WIDTH, DEPTH = 0.005, 0.06, 0.06
@@ -30,16 +30,13 @@ def build(law: Material = BLOCK, *, share: float | None = None, stride: int = 4,
     settled: False for a layer without stress. spacing: of the particles [m]. scene: of `mpm.Solver`."""
     x = mpm.sample_box((0, 0, 0), (WIDTH, 2 * CELL, DEPTH), spacing)
     upright = x * [1, 1, -np.sign(gravity)]
-    stress = mpm.geostatic_stress(upright, spacing**3, law) if settled and law.state != "volume" else None
+    stress = mpm.geostatic_stress(upright, spacing**3, law) if settled else None
     dt = None if share is None else share * material_bound(CELL, law, volume=spacing**3)
     steps: dict[str, Any] = {} if dt is None else {"dt": dt, "transfer_interval": (stride + 0.01) * dt}
     top = DEPTH if gravity > 0 else 1.4 * DEPTH
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, 2 * CELL, top), CELL), walls=mpm.Walls.all("slip"),
-                        bodies=[mpm.Body(law, x, volume=spacing**3, stress=stress)], gravity=(0, 0, gravity),
-                        **steps | scene)
-    if isinstance(law, mpm.NewtonianFluid):
-        load_pressure(solver, law, DEPTH - x[:, 2])
-    return solver
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, 2 * CELL, top), CELL), walls=mpm.Walls.all("slip"),
+                      bodies=[mpm.Body(law, x, volume=spacing**3, stress=stress)], gravity=(0, 0, gravity),
+                      **steps | scene)
 
 
 def two_materials() -> mpm.Solver:

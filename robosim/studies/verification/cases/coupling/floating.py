@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.beds import load_pressure, set_up
+from robosim.studies.verification.cases.beds import hydrostatic_stress, set_up
 from robosim.studies.verification.cases.case import Record, case, grid
 from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.rigid_body import G, couple, damp, one_body
@@ -42,9 +42,9 @@ def floating_cube(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cell
     offset = np.abs(positions - [middle, WIDTH / 2, bottom + SIDE / 2]).max(1)
     positions = positions[offset > SIDE / 2]
     water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY, volume_rate=volume_rate)
-    timed, solver = set_up(mpm.Body(water, positions, volume=volume), (WIDTH, WIDTH, DEPTH + SIDE), cell,
+    stress = hydrostatic_stress(water, DEPTH - positions[:, 2])
+    timed, solver = set_up(mpm.Body(water, positions, volume=volume, stress=stress), (WIDTH, WIDTH, DEPTH + SIDE), cell,
                            precision=precision, walls=mpm.Walls.all("slip"))
-    load_pressure(solver, water, DEPTH - positions[:, 2])
     # a fixed cube hangs on a joint that is far too heavy to be moved
     joint = '<joint type="slide" axis="0 0 1" armature="1e9"/>' if fixed else "<freejoint/>"
     half = SIDE / 2

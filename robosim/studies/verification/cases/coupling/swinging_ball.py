@@ -8,7 +8,7 @@ import trimesh
 import mpm
 from mpm.geometry.shell import SHELL_FACE
 from robosim.scene.settle import settle
-from robosim.studies.verification.cases.beds import UPRIGHT, load_pressure, set_up
+from robosim.studies.verification.cases.beds import UPRIGHT, hydrostatic_stress, set_up
 from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.rigid_body import G, couple, one_body
@@ -82,10 +82,10 @@ def swinging_ball(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", c
         shape = mpm.Sdf.sphere(RADIUS) if ball == "solid" else mpm.Shell.from_mesh(
             trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2), THICKNESS, face_cells=face_cells)
         held = [mpm.Collider(shape, friction=0.0, pose=mpm.Pose(middle, UPRIGHT))]
-    timed, solver = set_up(mpm.Body(water, positions, volume=volume), (WIDTH, WIDTH, WIDTH), cell,
+    stress = hydrostatic_stress(water, WIDTH - positions[:, 2])
+    timed, solver = set_up(mpm.Body(water, positions, volume=volume, stress=stress), (WIDTH, WIDTH, WIDTH), cell,
                            walls=mpm.Walls.all("roller"), precision=precision, colliders=held,
                            transfer_interval=transfer_interval)
-    load_pressure(solver, water, WIDTH - positions[:, 2])
     if ball == "pendulum":
         return _swing(timed, displaced, host_step)
     timed.settle(SETTLING)
