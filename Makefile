@@ -17,7 +17,7 @@ HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.s
 
 VERSION := "import sys; print('%d.%d' % sys.version_info[:2])"
 
-.PHONY: rehearse test test-slow newest versions lint docs site constraints meshes clean gl interpreter
+.PHONY: rehearse test test-long test-slow newest versions lint docs site constraints meshes clean gl interpreter
 .DEFAULT_GOAL := rehearse
 
 rehearse: $(VENV)/.run gl
@@ -26,10 +26,13 @@ rehearse: $(VENV)/.run gl
 	set -x; $(BIN)/robosim rehearse spoon --out $(OUT) $$video
 
 # The tests of a file stay in one process, which has its fixtures and kernels then; how long each took is kept.
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --durations 30 --durations-min 3 --junitxml .cache/tests.xml
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --durations 30 --durations-min 3 --junitxml .cache/$@.xml
 
 test: $(VENV)/.test
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not long and not slow"
+
+test-long: $(VENV)/.test
+	$(PYTEST) -m "long and not slow"
 
 test-slow: $(VENV)/.test
 	$(PYTEST) -m slow

@@ -57,6 +57,7 @@ def same(printed: str, shown: str) -> bool:
     return all(abs(float(a) - float(b)) <= RELATIVE * abs(float(b)) + 1e-12 for a, b in pairs)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", PYTHON)
 def test_python_runs_and_prints_what_the_page_shows(page: Path, tmp_path: Path) -> None:
     """All blocks of a page in one process, in order, without a warning; those of the README each by itself."""

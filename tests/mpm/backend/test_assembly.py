@@ -62,6 +62,7 @@ def test_an_equal_scene_compiles_nothing_and_computes_the_same(shell):
     assert (compiled(), len(allocation._groups)) == (kernels, groups)
 
 
+@pytest.mark.long
 def test_what_a_launch_reads_may_differ_in_a_scene_that_is_taken_over():
     """Friction and the numbers of a material are none of the kernels'."""
     clay = sand(E=3e5, nu=0.3, density=1200.0, friction_angle_deg=20.0, cohesion=500.0)
@@ -76,6 +77,7 @@ def test_what_a_launch_reads_may_differ_in_a_scene_that_is_taken_over():
     assert compiled() == kernels
 
 
+@pytest.mark.long
 def test_open_solvers_share_no_state():
     with make() as one, make() as two:
         wanted = push(one)
@@ -83,6 +85,7 @@ def test_open_solvers_share_no_state():
         assert same(push(two), wanted) and same(one.state(), wanted)
 
 
+@pytest.mark.long
 def test_counter_sample_and_batch_are_taken_over():
     region = mpm.Region((0.1, 0.1, 0.1), (0.1, 0.1, 0.1))
 
@@ -136,6 +139,7 @@ def test_a_grid_beyond_the_memory_is_refused_before_anything_is_allocated():
         push(solver)
 
 
+@pytest.mark.long
 def test_shapes_outlive_the_solver_that_laid_them_out():
     """The lattice of the ball is in two scenes of which one is freed."""
     with make(cell=0.025) as other:

@@ -25,6 +25,7 @@ def forked() -> Any:
     return run("fork")
 
 
+@pytest.mark.long
 def test_a_forked_process_uses_the_field_as_its_parent_does(forked: Any) -> None:
     """Also one forked from it; a shape that the parent made is copied to a field of its own."""
     child, parent = forked["child"], forked["parent"]

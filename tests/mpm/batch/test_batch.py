@@ -104,6 +104,7 @@ def compared() -> None:
         assert shared.momentum_after_advance().linear == pytest.approx(shared.momentum().linear, rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_future_that_diverges_ends_alone(batch: mpm.Batch) -> None:
     """One grain of the second is too fast: that one says so, the others read what they read without it."""
     good = scene().state()

@@ -49,6 +49,7 @@ def test_a_plate_away_from_the_bar_is_not_touched() -> None:
         assert np.all(first_substep(place, 0.25, static=False)[0] == 0.0), place
 
 
+@pytest.mark.long
 def test_a_tool_above_grains_at_rest_on_another_solid_feels_nothing() -> None:
     """Nodes of a thin layer that touches its floor reach the tool, a third of a cell above it."""
     top, layer, gap, level = 0.04, CELL, 0.3 * CELL, [1.0, 0.0, 0.0, 0.0]

@@ -26,6 +26,7 @@ def ball_and_blob(collider: mpm.Collider, mass: float, **choices: Any) -> tuple[
     return solver, np.diag([1 / mass] * 3 + [1 / (0.4 * mass * 0.05**2)] * 3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("off_centre", "thin", "interval"), [
     (False, False, None), (True, True, None), (True, False, "strides"),
     pytest.param(True, False, None, marks=pytest.mark.slow),
@@ -87,6 +88,7 @@ def test_grains_are_moved_out_of_a_collider_and_not_thrown(thin: bool) -> None:
     assert total == pytest.approx(first, abs=1e-13)
 
 
+@pytest.mark.long
 def test_a_contact_solve_that_does_not_converge_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball of a gram that is driven into the sand from a start clear of it; a solve may take one sweep only."""
     monkeypatch.setattr(mobile_contact, "MAX_PASSES", 1)

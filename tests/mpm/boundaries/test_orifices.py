@@ -86,6 +86,7 @@ def test_holes_pass_what_the_law_says(ratio: float) -> None:
         assert below.sum() * mass == pytest.approx(passed.sum(), rel=1e-5)
 
 
+@pytest.mark.long
 def test_nothing_passes_below_the_blocked_ratio() -> None:
     with filled(hole={"diameter": 4e-3, "grain_diameter": 4e-3 / 3.9}) as solver:
         shake(solver, 0.2, 1e-3, 30.0)
@@ -137,6 +138,7 @@ def test_a_hole_jams_after_an_avalanche_and_vibration_opens_it() -> None:
         assert solver.passed_mass(0)[0] - stopped > 0.5 * law.rate(SALT.density) * 0.4
 
 
+@pytest.mark.long
 def test_momentum_is_that_of_gravity_walls_and_shell() -> None:
     """Linear and angular, although particles are carried to another place; also where the can moves."""
     with filled(hole={"diameter": 8e-3, "grain_diameter": 4e-4}, precision="f64") as solver:
@@ -150,6 +152,7 @@ def test_momentum_is_that_of_gravity_walls_and_shell() -> None:
         assert np.concatenate(solver.momentum()) - before == pytest.approx(given, abs=1e-13)
 
 
+@pytest.mark.long
 def test_a_mobile_shell_receives_the_reaction() -> None:
     """A can of 50 g that falls from rest on nothing: it and the grains gain what gravity gives to the grains."""
     weight = 0.05
@@ -171,6 +174,7 @@ def test_a_mobile_shell_receives_the_reaction() -> None:
         assert solver.passed_mass(0)[0] > 0
 
 
+@pytest.mark.long
 def test_the_wall_opposite_a_hole_does_not_recede() -> None:
     """A column that touches the lid from inside falls freely, while the hole below flows."""
     with boxed(0.0445, 0.058) as solver:

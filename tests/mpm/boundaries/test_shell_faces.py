@@ -31,6 +31,7 @@ def impulse_of_flow(face_cells: float) -> np.ndarray:
         return solver.collider_impulse(0).force
 
 
+@pytest.mark.long
 def test_a_face_holds_the_nodes_in_front_of_it() -> None:
     """A face of half a cell stops less water than one of a whole cell; what the shell receives, the water has lost."""
     whole, half = impulse_of_flow(SHELL_FACE), impulse_of_flow(0.51)

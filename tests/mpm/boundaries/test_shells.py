@@ -1,6 +1,7 @@
 """Grains at thin shells: what flows over a rim falls, and lanes without a grain have no side."""
 
 import numpy as np
+import pytest
 import trimesh
 from field_parts import at
 
@@ -45,6 +46,7 @@ def test_what_flows_over_a_rim_falls() -> None:
         assert most < 1.1 * rate * RADIUS
 
 
+@pytest.mark.long
 def test_lanes_without_a_grain_have_no_side() -> None:
     """They would be listed, and gather from nodes without mass; also after a state was loaded, in which they repeat the
     last grain."""

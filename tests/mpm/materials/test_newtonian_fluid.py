@@ -147,6 +147,7 @@ def test_a_cell_has_one_rate_of_volume() -> None:
     assert ends["cell"].sum() == pytest.approx(ends["particle"].sum(), abs=1e-8)
 
 
+@pytest.mark.long
 def test_a_fluid_with_the_rate_of_its_cell_shears_freely() -> None:
     """A steady flow without compression loses to transfers alone; by its particles' rates it is resisted besides.
     What transfers take is what a fluid loses that resists no compression. The rate of the cell leaves less than half of

@@ -61,6 +61,7 @@ def test_a_lone_particle_resonates_beyond_the_accepted_step(nu: float) -> None:
     assert largest_strain(nu, accepted, 4000).max() < 0.3
 
 
+@pytest.mark.long
 def test_the_solver_resonates_as_the_map_does() -> None:
     """Its strain stays what it was with the largest accepted step; with 0.95 of the bound it is lost."""
     law = mpm.Elastic(E=1e5, nu=0.1, density=1500.0, model="neo_hookean")

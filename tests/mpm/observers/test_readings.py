@@ -99,6 +99,7 @@ def thrown(velocity: tuple[float, float, float], walls: str = "roller") -> mpm.S
                       dt=4.6e-4)
 
 
+@pytest.mark.long
 def test_particles_that_would_leave_the_grid_are_reported_once() -> None:
     """At 15 m/s, 0.7 cells a substep, some pass a wall that cannot be left. The floor is left out: what lies there has
     left nothing. A wall that can be left stops them before its plane."""
@@ -126,6 +127,7 @@ def test_a_batch_reports_them_too() -> None:
                 batch.advance(np.full(2, 5e-3), np.ones(2, int))
 
 
+@pytest.mark.long
 def test_particles_that_lie_on_a_floor_are_no_such() -> None:
     """A heap, and a single particle that nothing but the floor's pressure holds; warnings are errors here."""
     solver = thrown((0.0, 0.0, 0.0), "friction")

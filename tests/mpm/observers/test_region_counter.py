@@ -91,6 +91,7 @@ def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
     assert sample.values[:, 3:] == pytest.approx(solver.velocities()[chosen], abs=1e-6)
 
 
+@pytest.mark.long
 def test_readings_of_a_step_that_is_rolled_back_are_not_counted_twice() -> None:
     """A tool that contact moves: flags of particles return with their state."""
     solver, counter, _ = scene(mobile=True, per_particle=True)

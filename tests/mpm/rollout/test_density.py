@@ -9,6 +9,7 @@ import mpm
 CELL, STEPS = 0.01, 4
 
 
+@pytest.mark.long
 def test_gradient_by_the_state_at_the_begin() -> None:
     """A loose block that is squeezed fast, so that every stride finds another density; half of it begins softer than
     it is dense, half stiffer. A direction changes all that a particle has."""

@@ -30,6 +30,7 @@ def bowl_scene(law: Material, interval: float) -> mpm.Solver:
     return solver
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "interval"), [("sand", STRIDE), pytest.param("elastic", 0.0, marks=pytest.mark.slow),
                                                 pytest.param("fluid", STRIDE, marks=pytest.mark.slow)])
 def test_gradient_by_the_motion_of_a_shell(name: str, interval: float) -> None:

@@ -126,6 +126,7 @@ def test_what_no_substep_can_follow_is_refused_before_anything_moves() -> None:
     assert field.paths.plan(2e-3, 1, field.dt, np.float32)[0] > 1000
 
 
+@pytest.mark.long
 def test_a_plane_reaches_no_farther_than_the_grid() -> None:
     """Turning, it needs the substeps of a plate of the grid's size: here 0.1 rad/s on 0.35 m, far below the bound."""
     floor = mpm.Collider(mpm.Sdf.plane(), pose=at(0.1, 0.1, 0.02))

@@ -91,6 +91,7 @@ def channel(top: WallCondition) -> mpm.Solver:
                       bodies=[block(fluid, (0, 0, 0), (0.02, cell, height), cell / 2)])
 
 
+@pytest.mark.long
 def test_a_copy_of_stick_is_stick_to_the_bit() -> None:
     ends = []
     for condition in ("stick", Glue()):

@@ -9,6 +9,7 @@ import mpm
 G = 9.81
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("conditions", "precision", "bound"), [
     (("stick", "roller", "friction"), "f64", 1e-12), (("friction",) * 3, "f32", 1e-5),
     *(pytest.param((condition,) * 3, "f64", 1e-12, marks=pytest.mark.slow)
@@ -21,6 +22,7 @@ def test_ledger_closes_against_walls(conditions: tuple[str, str, str], precision
     assert max(unbalanced(solver, 40, 10 * solver.dt, 2)) <= bound
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("boundary", ["periodic", "roller"])
 def test_periodic_sides_repeat_space(boundary: str) -> None:
     """Material that fills space drifts through it unstrained, and what leaves on one side enters on the other."""
@@ -76,6 +78,7 @@ def test_ledger_closes_with_shell_and_solid_together() -> None:
     assert solver.positions()[:, 2].min() > 0.003  # all still above the plate, 0.3 cells over the floor
 
 
+@pytest.mark.long
 def test_what_was_near_a_shell_before_is_forgotten() -> None:
     """A shell that has been at a periodic side leaves nothing behind there: grains that cross the side later move as
     they do in a solver that never saw it."""
@@ -100,6 +103,7 @@ def test_what_was_near_a_shell_before_is_forgotten() -> None:
     assert same(*ends)
 
 
+@pytest.mark.long
 def test_the_ledger_is_all_that_grains_are_given() -> None:
     """Its rows are gravity, walls and colliders and nothing else, so that they sum to the change of momentum, also with
     another gravity and another density than the solver was built with."""
@@ -119,6 +123,7 @@ def test_the_ledger_is_all_that_grains_are_given() -> None:
     assert solver.energy().potential == pytest.approx(-(solver.masses() @ solver.positions()) @ [1.0, 0.0, -3.0])
 
 
+@pytest.mark.long
 def test_body_acceleration_is_gravity() -> None:
     """The same acceleration given to every grain, and credited to the same row of the ledger."""
     body = block(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), (0.3, 0.3, 0.6), (0.5, 0.5, 0.8), 0.025)

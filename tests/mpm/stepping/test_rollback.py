@@ -45,6 +45,7 @@ def standing(solver: mpm.Solver) -> dict[str, np.ndarray]:
                              "substep": np.array(solver.substep)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("velocity", [(0, 0, -1e4), (1e30, 0, 0)], ids=["fast", "infinite"])
 def test_divergence_is_found_in_its_substep_and_undone(velocity):
     with make() as solver:
@@ -61,6 +62,7 @@ def test_divergence_is_found_in_its_substep_and_undone(velocity):
         assert error.state["steps"] == error.step and not np.array_equal(error.state["x"], before["x"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mobile", [False, True], ids=["driven", "mobile"])
 def test_a_solver_goes_on_after_a_failed_advance_as_if_there_had_been_none(mobile):
     with make(mobile) as solver:

@@ -18,6 +18,7 @@ def slow_block(precision: str = "f32", low: float = 0.9, **options) -> tuple[mpm
                       precision=precision, **options), body.positions
 
 
+@pytest.mark.long
 def test_grains_beside_a_shell_move() -> None:
     """They are moved one by one. The shell has no friction, and is further away than it pushes."""
     sheet = mpm.Shell.from_mesh(plate(0.1), 1e-3)
@@ -28,6 +29,7 @@ def test_grains_beside_a_shell_move() -> None:
     assert beside.sum() > 20 and moved == pytest.approx(np.full(3, SPEED * 2000 * DT), rel=0.05)
 
 
+@pytest.mark.long
 def test_a_slow_solid_pushes_grains() -> None:
     """Grains that a moving solid keeps out of itself move with its face."""
     body = block(mpm.Elastic(E=1e4, nu=0.3, density=1000.0), (0.9,) * 3, (0.96,) * 3, CELL / 2)
@@ -62,6 +64,7 @@ def test_a_state_has_the_remainder() -> None:
     assert "remainder" not in double.state() and not double.particles.remainder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("interval", [pytest.param(0.0, marks=pytest.mark.slow), 5 * DT])
 def test_rollouts_move_as_the_solver(interval: float) -> None:
     """The forward sweeps, and those that a gradient repeats, end where the solver does, far below a quantum."""

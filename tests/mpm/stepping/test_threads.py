@@ -97,6 +97,7 @@ def test_double_precision_is_refused_on_vulkan() -> None:
     assert "arch = 'vulkan' with precision = 'f64'; accepted: 'f32'" in done.stderr
 
 
+@pytest.mark.long
 def test_what_one_thread_alone_does_is_refused_by_name(results: Callable[..., Results]) -> None:
     """A batch and a rollout take a solver of one thread."""
     assert list(results("two", "elastic")["refusals"]) == [

@@ -68,6 +68,7 @@ class Constant:
         return np.clip(self.action + self.noise * np.sin(observation[:3]), -1.0, 1.0), None
 
 
+@pytest.mark.long
 def test_a_saturated_policy_is_found_and_a_running_episode_goes_on(tmp_path):
     env = make_training_environment("SpoonTranslate", "none", REPEAT)
     evaluations = Evaluations(env, tmp_path, 1, {"nominal": True})

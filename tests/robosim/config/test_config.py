@@ -110,6 +110,7 @@ def test_unreachable_waypoint_says_how_far() -> None:
     assert error.value.position_error > 0.05
 
 
+@pytest.mark.long
 def test_a_speed_that_joints_cannot_follow_is_refused() -> None:
     """At any turn of the tool in the hand; it is slowed down where the file allows that."""
     tilt = [w.name for w in rehearsal("spoon").waypoints].index("tilt")

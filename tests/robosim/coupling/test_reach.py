@@ -41,6 +41,7 @@ def drop(coupling: str, steps: int, sleep: bool = False, speed: float = 0.0) -> 
     return plugin, answers, np.array(heights)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("coupling", ["one_way", *(
     pytest.param(one, marks=pytest.mark.slow) for one in ("mobility", "lagged"))])
 def test_a_ball_falls_and_lands_as_if_it_were_always_probed(coupling: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,6 +57,7 @@ def test_a_ball_falls_and_lands_as_if_it_were_always_probed(coupling: str, monke
         assert all(np.array_equal(state[name], other[name]) for name in ("x", "v", "C", "e"))
 
 
+@pytest.mark.long
 def test_a_step_apart_probes_nothing_and_closes_its_ledger(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(MobilityProbe, "predict", lambda *_: pytest.fail("probed"))
     plugin, answers, heights = drop("mobility", 40)

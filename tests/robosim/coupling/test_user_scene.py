@@ -130,6 +130,7 @@ EVERY_GEOM = """
 """
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::mpm.errors.GrainsInSolid")  # it is the colliders that count
 def test_every_kind_of_geom_becomes_a_collider() -> None:
     """Distances of the union equal those of its parts: visual geoms are left out, bodies fixed to it are included."""
@@ -147,6 +148,7 @@ def test_every_kind_of_geom_becomes_a_collider() -> None:
         plugin.step()
 
 
+@pytest.mark.long
 def test_without_contact_the_step_is_mujocos_own() -> None:
     """Bit for bit, with any integrator: a coupled body without contact moves as without coupling."""
     for integrator in ("Euler", "RK4", "discrete"):
@@ -162,6 +164,7 @@ def test_without_contact_the_step_is_mujocos_own() -> None:
         plugin.solver.close()  # the next one compiles nothing
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("integrator", "coupling"), [
     ("Euler", "mobility"), ("implicitfast", "mobility"), ("RK4", "mobility"), ("RK4", "lagged"),
     ("discrete", "mobility")])
@@ -260,6 +263,7 @@ PLOUGH = """
 """
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::mpm.errors.GrainsInSolid")  # the blade begins in the bed
 @pytest.mark.parametrize("key", ["begin", "later"])
 def test_a_keyframe_in_mid_run_moves_a_mocap_body_at_once(key: str) -> None:

@@ -41,6 +41,7 @@ def go_on(env: gymnasium.Env, steps: int, seed: int = 1) -> list[Any]:
     return results
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "options"), [
     ("SpoonTranslate", {"task": SHORT, "obs": "dict", "horizon": "truncate", **SOFT}),
     ("SpoonPour", {"obs": ["tool", "scale", {"name": "wrist", "rate": 30.0}], "randomize": "wide", "latency": 0.04,

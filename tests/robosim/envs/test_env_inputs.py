@@ -123,6 +123,7 @@ def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: P
         make_policy("clever", env, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("task", "arm"), [("SpoonPour", False),
                                            pytest.param("SpoonTranslate", True, marks=pytest.mark.slow)])
 def test_a_stiffer_material_gets_a_smaller_step(task: str, arm: bool) -> None:

@@ -96,6 +96,7 @@ def test_a_ladle_scoops_from_a_bowl(folder: Path, capsys: pytest.CaptureFixture[
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("task", "robot", "gripper"), [
     ("SpoonTranslate", "ur5e", None), pytest.param("SpoonTranslate", "panda", None, marks=SLOW),
     pytest.param("SpoonTranslate", "xarm7", "none", marks=SLOW),

@@ -44,6 +44,7 @@ def written(name: str) -> str:
     return write(name, "SpoonTranslate", field=task["field"] | {"tool_friction": 0.3}, goal=[x, y - 0.02, z])
 
 
+@pytest.mark.long
 def test_a_task_file_makes_its_environment() -> None:
     """The same numbers as the registered one that is given the file."""
     own = written("mine.yaml")
@@ -57,6 +58,7 @@ def test_a_task_file_makes_its_environment() -> None:
     assert np.array_equal(after[0], other[0]) and after[1] == other[1]
 
 
+@pytest.mark.long
 def test_a_new_sort_of_task_is_a_file() -> None:
     """A push with a term for contact and one for the shovel's turn, which none of the bundled tasks combines."""
     reward = {"contact": 0.001, "turn": {"scale": 2.0, "margin": 1.0, "angle_deg": -20}}

@@ -76,6 +76,7 @@ def compared(name: str, written: str) -> None:
         assert sum(row[2].sum() for row in together) >= 3
 
 
+@pytest.mark.long
 def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> None:
     """A particle of one is too fast: that episode ends with the reason and restarts; the others are unchanged."""
     batch = carried.batches[0]  # pyright: ignore[reportAttributeAccessIssue]
@@ -135,6 +136,7 @@ def test_all_modes_give_the_same_episodes(carried: gymnasium.vector.VectorEnv) -
     assert same(episodes[0], episodes[1]) and same(episodes[0], episodes[2])
 
 
+@pytest.mark.long
 def test_an_environment_that_ended_waits_for_its_reset() -> None:
     """Nobody moves for a step that is refused."""
     vector = make_vector("SpoonTranslate", action_repeat=150, autoreset_mode="Disabled")

@@ -24,6 +24,7 @@ def make_short(arm: bool, num_envs: int, workers: int | None = 1, mode: str = "S
     return make_vector("SpoonTranslate", num_envs, workers, autoreset_mode=mode, **OF[arm], **options)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("arm", "num_envs", "workers"), [
     (False, 3, 1), pytest.param(False, 3, 2, marks=SLOW), (True, 1, 1), pytest.param(True, 2, 1, marks=SLOW),
     pytest.param(True, 3, 2, marks=SLOW)])
@@ -89,6 +90,7 @@ def test_one_of_several_is_restored_alone(arm: bool, num_envs: int, workers: int
     twin.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("arm", [False, True])
 def test_they_restart_in_every_mode(arm: bool) -> None:
     """The episodes are the same; with DISABLED an ended one waits for `reset` or for a state, also in a copy."""

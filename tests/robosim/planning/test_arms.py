@@ -57,6 +57,7 @@ TURNS = {"gen3": 20.0, "panda": -40.0, "ur5e": 0.0}
 """Turns in the hand that the planner would find after trying others."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", part_names("robots"))
 def test_one_word_of_the_file_changes_the_arm(robot: str) -> None:
     """The tool passes the same poses; the hand is the arm's own."""
@@ -80,12 +81,14 @@ def test_a_tool_is_bolted_to_the_flange(robot: str) -> None:
     assert plan.arm.assembly.gripper_name == "none" and plan.arm.model.nv == len(plan.arm.joints)
 
 
+@pytest.mark.long
 def test_an_arm_hangs_from_above() -> None:
     base = {"position": [0.3, -0.1, 1.2], "rotation_deg": [180, 0, 0]}
     plan = plan_motion(change(base=base, grip_turn_deg=0.0))
     assert plan.clearance.surroundings.distance > 0.01 and plan.solution.margin > 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("keys", "message"), [
     ({"grasp": "friction"}, "grasp: friction with gripper: none; accepted: grasp: weld, or a gripper"),
     ({"robot": WEAK}, r"joint A7 would need a torque of [\d.]+ N m; accepted: up to 0.02 N m; a lighter tool")])
@@ -144,6 +147,7 @@ def test_a_slower_script_passes_the_same_places() -> None:
         np.testing.assert_allclose(slow.pose(2.0 * time).position, path.pose(time).position, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("trajectory, torque", [("script", 9.0), ("recorded", 20.0)])
 def test_a_motion_is_slower_for_weak_motors(trajectory: str, torque: float) -> None:
     """A turntable's motor turns the arm as slowly as its torque demands; a script no slower than its file allows."""
@@ -170,6 +174,7 @@ def test_obstacles_are_kept_clear_of() -> None:
     assert plan.clearance.surroundings.distance > LEAST
 
 
+@pytest.mark.long
 def test_a_work_cell_of_ones_own_is_planned_around(tmp_path: Path) -> None:
     """A lower shelf over the table, at which the elbow would strike, in place of the bundled table."""
     shelf = '<body name="shelf"><geom type="box" size="0.4 0.5 0.01" pos="0.7 0 0.45"/></body>'

@@ -52,6 +52,7 @@ def test_a_place_that_is_not_moved_is_the_task_s_own():
     assert rewards[0] == rewards[1]
 
 
+@pytest.mark.long
 def test_the_target_moves_with_its_place():
     """A tool that carries its grains to the goal that is observed delivers them, wherever it is."""
     env = make("SpoonTranslate", obs=["goal", "tool"], randomize={**PLACE, "mount_x": (0.002, 0.002)}, action_repeat=5)
@@ -86,6 +87,7 @@ def test_grains_above_the_rim_are_refused():
         make("ScoopScoop", randomize={"fill": (1.0, 3.0), "surface_slope_deg": (0.0, 30.0)})
 
 
+@pytest.mark.long
 def test_numbers_of_sensors_are_drawn():
     env = make("SpoonPour", obs=["scale"], randomize={"scale.repeatability": (0.0, 0.01)})
     spread = []

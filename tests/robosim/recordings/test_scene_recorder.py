@@ -83,6 +83,7 @@ def corners(model: mujoco.MjModel, geom: int) -> np.ndarray:
     return points @ rotation.reshape(3, 3).T + model.geom_pos[geom]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [20.0, 300.0])
 def test_frames_have_the_state_of_their_time(rate: float, opened: Callable[[Path], Recording],
                                              tmp_path: Path) -> None:

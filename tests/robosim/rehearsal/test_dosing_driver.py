@@ -57,6 +57,7 @@ def dosed(plan: Plan) -> Stage:
     return Stage(plan)
 
 
+@pytest.mark.long
 def test_pi_doses_on_the_arm(dosed: Stage) -> None:
     """Within the accepted error, shown as it is after the tare."""
     stage = dosed.driver
@@ -101,6 +102,7 @@ class Restless:
         return DoseCommand(np.radians(20.0), np.zeros(3), 2e-4, 15.0, False)
 
 
+@pytest.mark.long
 def test_a_controller_that_never_ends_is_stopped(plan: Plan) -> None:
     """At the time limit the tool is tilted back; before, no tilt is beyond the checked range."""
     controller = Restless()

@@ -67,6 +67,7 @@ def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recor
     assert "recorded less planned joint angle" in page and "recorded less its offset" in page
 
 
+@pytest.mark.long
 def test_another_clock_and_a_displaced_joint_are_seen(plan: Plan, tmp_path: Path) -> None:
     times = np.arange(-0.5, plan.motion.duration + 0.5, 0.008)
     angles = np.array([plan.motion.state(t).q for t in times])

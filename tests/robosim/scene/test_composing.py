@@ -15,6 +15,7 @@ def jar() -> robosim.Container:
     return robosim.Container("jar", radius=0.04, height=0.06, wall=0.003, position=(0.1, 0.1, 0.02), yaw_deg=30.0)
 
 
+@pytest.mark.long
 def test_a_filled_container_holds_its_grains_at_rest(jar: robosim.Container) -> None:
     """The volume of a cylinder, all grains counted in it, and nearly no motion: their weight is on the floor."""
     assert jar.volume == pytest.approx(np.pi * 0.04**2 * 0.06, rel=0.01)

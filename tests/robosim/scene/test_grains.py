@@ -44,6 +44,7 @@ def salt() -> Law:
     return load_material("salt").make_law()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel", *TASKS])
 def test_nothing_begins_with_grains_in_a_solid(name: str) -> None:
     """A warning, which is an error here, counts grains more than a quarter of their size inside a wall."""
@@ -63,6 +64,7 @@ def test_the_region_that_is_shown_holds_the_grains_that_count_however_the_contai
     assert np.array_equal(region.holds(pose.inverse().apply(points)), counted)
 
 
+@pytest.mark.long
 def test_a_container_is_filled_up_to_its_rounded_edges() -> None:
     """All grains lie in the container's own mesh, and few of the places in its box are left out."""
     config = load_rehearsal("spoon")

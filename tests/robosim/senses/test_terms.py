@@ -36,6 +36,7 @@ def run(env, steps: int = 3, scale: float = 0.3, seed: int = 0):
     return seen
 
 
+@pytest.mark.long
 def test_flat_observations_pass_gymnasiums_check():
     for obs in COMBINATIONS:
         env = make("SpoonPour", obs=obs, flatten=True)
@@ -63,6 +64,7 @@ def test_every_task_passes_with_every_combination(task: str, arm: bool):
         env.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("task", "options"), [
     ("SpoonPour", {
         "obs": ["tool", "wrist", "scale", "height_map", "grains", {"name": "depth", "noise_model": "stereo"}],
@@ -93,6 +95,7 @@ def compared(task: str, written: str):
     env.close()
 
 
+@pytest.mark.long
 def test_wrist_without_an_arm_holds_the_weight_of_the_grains():
     env = make("SpoonPour", obs=["wrist", "tool"])
     env.reset(seed=0, options={"nominal": True})
@@ -181,6 +184,7 @@ def test_rgb_is_a_picture_of_the_scene():
     env.close()
 
 
+@pytest.mark.long
 def test_privileged_terms_are_in_the_info_and_change_nothing_else():
     plain, taught = (make("SpoonPour", obs=["tool", "wrist"], privileged=more) for more in ((), ["grains"]))
     plain.reset(seed=5)
@@ -205,6 +209,7 @@ def test_starts_do_not_depend_on_what_is_observed():
         env.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("obs, message", [
     (["foo"], "valid: depth, goal, goal_frame, grains"), ({"latency": 0.1}, "with a list of terms"),
     (["tool", "tool"], 'another "key"'),

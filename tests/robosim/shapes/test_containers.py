@@ -39,6 +39,7 @@ def shape_of(container: ContainerConfig) -> ContainerShape:
     return container_shape("cup", container)
 
 
+@pytest.mark.long
 def test_grains_fill_the_inside_and_no_wall(container: ContainerConfig) -> None:
     """Their volume is that of the inside up to the height, by a hundred times as many random points."""
     shape, spacing, height = shape_of(container), 2e-3, 0.03
@@ -59,6 +60,7 @@ def test_the_shown_region_holds_what_counts(container: ContainerConfig) -> None:
     assert not np.any(shape.holds(points) & ~shape.region.holds(points) & (points[:, 2] < high[2]))
 
 
+@pytest.mark.long
 def test_walls_thicken_outward(container: ContainerConfig) -> None:
     """What is free inside stays free, and behind the inner surface the wall is solid for its thickness."""
     shape, wall = shape_of(container), 0.012
@@ -74,6 +76,7 @@ def test_walls_thicken_outward(container: ContainerConfig) -> None:
     assert np.all(grown.distance(below) < np.maximum(-depth, depth - wall) + spacing)
 
 
+@pytest.mark.long
 def test_convex_parts_hold_the_walls_and_little_else(container: ContainerConfig) -> None:
     """They leave out no point of the wall by 1 mm, and reach less than 2 mm into the inside, 4 mm at a box's edges."""
     if container.is_named:
@@ -140,6 +143,7 @@ def check_face(face: trimesh.Trimesh, solid: list[trimesh.Trimesh], wall: float)
         assert np.mean(held == inside) > 0.97, (step, np.mean(held))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["spoon", "scoop", "bottle"])
 def test_of_tools(name: str) -> None:
     tool = tool_shape(name)
@@ -180,6 +184,7 @@ def test_an_own_tool_has_a_shell_and_a_lip_where_its_files_tell(ladle: ToolShape
     assert tool_shape(ToolConfig.model_validate(keys | {"lip": (0.028, 0.0, 0.0)})).lip == pytest.approx([0.028, 0, 0])
 
 
+@pytest.mark.long
 def test_an_own_thin_ladle_holds_grains_and_pours_them_over_its_lip(ladle: ToolShape) -> None:
     """Level it keeps all of them for 0.15 s; turned by 110 deg about its lip in 0.5 s it loses them ahead of it."""
     lip, start = ladle.lip, mpm.Pose(np.array([0.07, 0.05, 0.09]), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -37,6 +37,7 @@ def test_a_suite_is_the_same_for_all_and_a_short_one_begins_a_long_one() -> None
         plan_starts("harder", task, 1)
 
 
+@pytest.mark.long
 def test_a_turned_start_turns_the_load_with_the_tool() -> None:
     """The grains keep their places in the tool's frame and their elastic energy, and creep as little as at home.
 
@@ -64,6 +65,7 @@ def rest(env: GrainEnv, local: np.ndarray) -> float:
     return float(np.abs(env.solver.collider_pose(TOOL).inverse().apply(env.solver.positions()) - local).mean())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("task", ["SpoonPour", pytest.param("SpoonScoop", marks=pytest.mark.slow)])
 def test_a_displaced_place_displaces_the_task(task: str) -> None:
     """By whole cells: the grains in the container or the tool move along, and the reward is what it is at home.
@@ -108,6 +110,7 @@ def test_a_network_is_refused_for_another_version_of_its_task(tmp_path: Path) ->
         check_task(str(path), task)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("changed", "message"), [
     ({"obs": "joints,time"}, "p.npz: observes joints, time; this environment has no joints; it has grains, .*time"),
     ({"obs": "tool"}, r"p.npz: takes 5 numbers and gives 3; this environment observes tool, \(3,\), and takes 3"),

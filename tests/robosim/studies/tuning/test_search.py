@@ -76,6 +76,7 @@ def test_a_search_improves_on_the_given_numbers(tune: Any, tmp_path: Path, capsy
     assert "(given)" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_search_that_was_interrupted_goes_on_to_the_same_end(tune: Any, tmp_path: Path) -> None:
     _, whole = tune(Processes())
     shutil.rmtree(tmp_path / "out")

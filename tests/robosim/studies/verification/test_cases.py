@@ -15,7 +15,10 @@ FAST = {"free_fall": 1, "slow_translation": 1, "spin": 2, "elastic_energy": 1, "
         "lock_gate": 1, "shell_leak": 1, "closed_system": 1, "rest_height": 1, "sliding_block": 1, "retaining_wall": 2,
         "dropped_sphere": 2, "carried_load": 1, "two_models": 1,
         "jerk_limits": 1}
-"""Case -> how many runs of its quick list belong to the default suite, which compiles for each; all others are slow."""
+"""Case -> how many runs of its quick list are run for every change, which compiles for each; all others are slow."""
+DEFAULT = ("uniaxial", "return_mapping", "element_path", "column_weight", "sliding_block", "retaining_wall",
+           "two_models", "jerk_limits")
+"""Those of the default suite: one or two of each subject."""
 ALSO: dict[str, tuple[Expectation, ...]] = {
     "dam_break": (Ratio("front_at_5", "cells", (10, 20), 0.98, 1.02),),
     "shell_leak": (Within("weight_error", 1e-3, {"until": 2.2}),
@@ -104,7 +107,8 @@ def check(name: str, runs: list[dict]) -> dict[str, Finding]:
     return found
 
 
-@pytest.mark.parametrize("name", FAST)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name not in DEFAULT))
+                                  for name in FAST])
 def test_first_runs_of_a_quick_report_meet_their_expectations(name: str) -> None:
     assert check(name, find(name).quick[:FAST[name]])
 
@@ -121,6 +125,7 @@ def test_more_runs_meet_their_expectations(name: str, runs: list[dict]) -> None:
     assert check(name, runs)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("precision", "high"), [("f64", 1e-12), ("f32", 3e-6)])
 def test_a_fast_fall_is_exact_to_the_rounding_of_its_velocity(precision: str, high: float) -> None:
     """5 m/s are rounded by up to 2.4e-7 m/s in each of 150 transfers: to one side, that is 2.7e-6 m."""

@@ -102,6 +102,7 @@ def verdicts(name: str, **choices) -> dict[str, str]:
     return {finding.claim: finding.verdict for finding in judge(case, [case(**choices)])}
 
 
+@pytest.mark.long
 def test_a_scaled_reaction_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """The ball receives nine tenths of the momentum that the particles lose."""
     whole = mpm.Solver.collider_impulse

@@ -17,6 +17,7 @@ from robosim.studies.verification.report_page import add_comparison
 from robosim.studies.verification.runs import replace_non_finite
 
 
+@pytest.mark.long
 def test_a_report_runs_every_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Finished runs are kept, a failed run is a row with its reason; the page is self-contained and its points have
     tooltips."""
