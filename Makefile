@@ -48,7 +48,7 @@ newest:
 	[ -z "$(MUJOCO)" ] || { $(NEWEST)/bin/python -m pip uninstall -q -y mujoco mujoco-core mujoco-studio; \
 		$(NEWEST)/bin/python -m pip install -q "mujoco==$(MUJOCO)"; }
 	$(NEWEST)/bin/python -m pip list | grep -i -E "^(mujoco|gymnasium|stable_baselines3|numpy|pin|scipy|torch|trimesh) "
-	$(NEWEST)/bin/python -m pytest -m "not slow" $(addprefix tests/robosim/,coupling robot scene envs)
+	$(NEWEST)/bin/python -m pytest -m "not slow" $(addprefix tests/robosim/,coupling robot scene envs rendering)
 
 VERSIONS := newest-python3.11 newest-python3.12 newest-python3.13 newest-mujoco-3.17 newest-mujoco-4
 versions: $(VERSIONS)

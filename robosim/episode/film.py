@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -22,6 +22,7 @@ from robosim.episode.cameras import find_camera, make_camera
 from robosim.episode.sheet import choose_moment, find_passages, name_passage
 from robosim.recordings.appearance import build_appearance
 from robosim.recordings.reader import FILE, Recording, find_recordings
+from robosim.rendering.filament import FilamentRenderer, FilamentUnavailable, Grains, describe_device
 from robosim.rendering.grain_skin import add_grain_skin
 from robosim.rendering.renderer import RenderingUnavailable, SceneRenderer, add_mark
 from robosim.rendering.video import Mp4Writer, write_caption, write_contact_sheet
@@ -49,6 +50,8 @@ class FilmStyle(NamedTuple):
     """Of a picture [pixels], 16 : 9."""
     poster: float | bool | None = None
     """Time [s] of a still in 4K; True: when the tool empties, or is full; None: there is none."""
+    renderer: Literal["auto", "filament", "classic"] = "auto"
+    """filament: physically based, of MuJoCo 4; classic: OpenGL; auto: filament where it can draw."""
 
 
 EPISODE = FilmStyle(height=480)
@@ -58,7 +61,8 @@ EPISODE = FilmStyle(height=480)
 def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = None) -> Path:
     """Draw the film of a run, its folder or one of its recordings; return its file.
     folder: None for that of the recordings. A rehearsal has a sheet of frames beside its film. Raises ConfigError for
-    what cannot be drawn, UnknownName for the camera, RenderingUnavailable, and FilmFailed, as for a full disk."""
+    what cannot be drawn, UnknownName for the camera, RenderingUnavailable, FilamentUnavailable, FilmFailed, as for a
+    full disk."""
     style, paths = style or FilmStyle(), find_recordings(run)
     with contextlib.ExitStack() as stack:
         recordings = [stack.enter_context(Recording(path)) for path in paths]
@@ -104,7 +108,7 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
         progress = stack.enter_context(Progress(total=sum(map(len, recordings)), desc="film", unit="frames"))
         for recording in recordings:
             with Pictures(recording, style) as pictures:
-                writer = writer or stack.enter_context(Mp4Writer(path, fps=rate))
+                writer = writer or stack.enter_context(Mp4Writer(path, fps=rate, comment=choose_renderer(style)))
                 chosen = find_passages(recording)
                 for k, frame in enumerate(pictures.draw_all()):
                     time = recording.scene(k).time
@@ -129,8 +133,20 @@ def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
         write(path, lambda temporary: Image.fromarray(frame).save(temporary, format="PNG"))
 
 
+def choose_renderer(style: FilmStyle) -> str:
+    """Return what draws, as a page names it; empty: OpenGL. Raises FilamentUnavailable where that is asked for."""
+    if style.renderer == "classic":
+        return ""
+    try:
+        return describe_device()
+    except FilamentUnavailable:
+        if style.renderer == "filament":
+            raise
+        return ""
+
+
 class Pictures(contextlib.AbstractContextManager["Pictures"]):
-    """Pictures of the frames of a recording. Raises UnknownName, RenderingUnavailable."""
+    """Pictures of the frames of a recording. Raises UnknownName, RenderingUnavailable, FilamentUnavailable."""
 
     def __init__(self, recording: Recording, style: FilmStyle) -> None:
         self._recording, header = recording, recording.header
@@ -138,14 +154,19 @@ class Pictures(contextlib.AbstractContextManager["Pictures"]):
         for region in header.regions:
             if region.is_marked:
                 add_mark(spec, RegionConfig(centre=region.position, half=region.half, round=region.round))
-        if header.grains:
+        by_filament = bool(choose_renderer(style))
+        if header.grains and not by_filament:
             add_grain_skin(spec, header.grains, header.grain_radius, [*header.colour, 1.0])
         self._model = compile_spec(spec)
         self._data = mujoco.MjData(self._model)
         name = find_camera(self._model, style.camera or CAMERAS.get(header.kind, AUTO))
         self._camera = make_camera(recording, self._model, self._data, name)
         width, height = 2 * round(style.height * 8 / 9), style.height - style.height % 2  # even as films need it
-        self._renderer = SceneRenderer(self._model, header.grains, width, height)
+        if by_filament:
+            grains = Grains(header.grains, header.grain_radius, header.colour) if header.grains else None
+            self._renderer = FilamentRenderer(self._model, grains, width, height)
+        else:
+            self._renderer = SceneRenderer(self._model, header.grains, width, height)
 
     def draw(self, k: int) -> np.ndarray:
         """Draw the k-th frame (height, width, 3)."""

@@ -14,7 +14,7 @@ from robosim.rehearsal.comparison import replay_charts
 from robosim.rehearsal.dosing_driver import DoseSample, DosingDriver
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rendering.video import read_frame
+from robosim.rendering.video import read_comment, read_frame
 from robosim.reports.page import Page
 from robosim.reports.plot import Chart, Curve, draw_charts
 
@@ -39,7 +39,8 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
 
         if film.is_file():
             still = read_frame(film, choose_moment(recording))
-            page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states", still)
+            by = f" by {drawn}" if (drawn := read_comment(film)) else ""
+            page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn{by} from the simulated states", still)
         page.add_heading("In 3-D")
         page.add_scene(embed_html(recording), f"Turn with the mouse, scrub below. With colours, forces, regions and "
                        f"curves: robosim view {folder}")

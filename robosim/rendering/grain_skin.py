@@ -17,6 +17,8 @@ GRAIN_RADIUS = 0.62
 CORNERS: Array = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 FULL_CELL, STEEP = 8, 0.06
 """Grains in a cube of a heap, and the slope of density, in these per cube, from which a surface is one."""
+HEAP = 2.0
+"""Weight of a heap's normal beside that of a grain's face."""
 FACES = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
 """Corners of each face, counter-clockwise seen from outside."""
 GRAIN_VERTICES = FACES.size

@@ -14,7 +14,7 @@ from PIL import Image, ImageChops
 
 from robosim.base.errors import RobosimError
 from robosim.config.scene import RegionConfig
-from robosim.rendering.grain_skin import FACES, compute_normals, find_surface, read_facets
+from robosim.rendering.grain_skin import FACES, HEAP, compute_normals, find_surface, read_facets
 from robosim.rendering.soft_shadows import Shadows, View
 
 Array = NDArray[np.float64]
@@ -27,8 +27,6 @@ SMOOTHING = 2
 """Samples along a pixel's edge."""
 SHADE = 0.5
 """Share of a surface's light that the key light gives it, and a shadow takes."""
-HEAP = 2.0
-"""Weight of a heap's normal beside that of a grain's face."""
 MAP_SHARE, MAP_SIZES = 0.625, (256, 900)
 """Side of the light's depth map by the height of a picture, and its least and largest [texels]."""
 STRIP = 36

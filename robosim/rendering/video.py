@@ -26,9 +26,9 @@ class Mp4Writer(contextlib.AbstractContextManager["Mp4Writer"]):
     """Writes frames to an H.264 film in yuv420p, which every player opens.
     Until close() the film has a temporary name; one that cannot be finished is removed. Raises ValueError for frames of
     another size or an odd one, OSError for a full disk. keyframes: frames from one key frame to the next; None:
-    KEYFRAME_SECONDS of them."""
+    KEYFRAME_SECONDS of them. comment: kept in the film."""
 
-    def __init__(self, path: str | Path, fps: float = 30, keyframes: int | None = None) -> None:
+    def __init__(self, path: str | Path, fps: float = 30, keyframes: int | None = None, comment: str = "") -> None:
         if not fps > 0:
             raise ValueError(f"film {path}: fps is {fps:g}; accepted: above 0")
         self.path, self._keyframes = Path(path), keyframes or max(1, round(KEYFRAME_SECONDS * fps))
@@ -37,6 +37,7 @@ class Mp4Writer(contextlib.AbstractContextManager["Mp4Writer"]):
         self._fps, self._is_closed = fps, False
         self._stream: av.VideoStream | None = None
         self._file = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
+        self._file.metadata["comment"] = comment
 
     def add(self, frame: Frame) -> None:
         """Append one frame (height, width, 3); all have the size of the first, with even sides."""
@@ -85,6 +86,12 @@ def read_frames(path: Path, count: int) -> list[Frame]:
         film.seek(0)
         wanted = np.linspace(0, number - 1, count).round().astype(int)
         return [frame.to_ndarray(format="rgb24") for k, frame in enumerate(film.decode(video=0)) if k in wanted]
+
+
+def read_comment(path: Path) -> str:
+    """Return the comment that a film was written with."""
+    with av.open(str(path)) as film:
+        return film.metadata.get("comment", "")
 
 
 def read_frame(path: Path, k: int) -> bytes:

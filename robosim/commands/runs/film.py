@@ -6,7 +6,7 @@ from typing import Any
 
 EXAMPLE = """examples:
   robosim film out/sugar --camera wrist --out out/wrist
-  robosim film out/sugar --camera orbit --height 1080 --poster 8.5
+  robosim film out/sugar --camera orbit --height 1080 --poster 8.5 --renderer filament
   robosim film out/chain/2-SpoonTranslate.rec"""
 
 
@@ -21,6 +21,9 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--height", default=720, help="height of the pictures [pixels], 16 : 9")
     parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
                       "(default: when the tool empties, or is full)")
+    parser.add_argument("--renderer", choices=["auto", "filament", "classic"], default="auto", help="filament: "
+                        "physically based light, of MuJoCo 4 on a Vulkan device; classic: OpenGL; auto: filament where "
+                        "it can draw (default: auto)")
     parser.add_out("rehearsal.mp4 and frames.png, episode.mp4 or chain.mp4 (default: the run's, where they are "
                    "replaced)", is_required=False)
     parser.set_defaults(run=run, after_interrupt="the recording is unchanged; the same command begins again")
@@ -34,5 +37,6 @@ def run(options: argparse.Namespace) -> int:
 
     own = find_recordings(options.what)[0].parent
     with OutputFolder(options.out or own, is_shared=options.out is None) as folder:
-        print(film_run(options.what, folder.path, FilmStyle(options.camera, options.height, options.poster)))
+        style = FilmStyle(options.camera, options.height, options.poster, options.renderer)
+        print(film_run(options.what, folder.path, style))
     return 0
