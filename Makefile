@@ -26,7 +26,7 @@ rehearse: $(VENV)/.run gl
 	set -x; $(BIN)/robosim rehearse spoon --out $(OUT) $$video
 
 # The tests of a file stay in one process, which has its fixtures and kernels then; how long each took is kept.
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --durations 30 --durations-min 3 --junitxml .cache/$@.xml
+PYTEST = $(BIN)/python -m pytest -n 2 --dist loadscope --durations 30 --durations-min 3 --junitxml .cache/$@.xml
 
 test: $(VENV)/.test
 	$(PYTEST) -m "not long and not slow"

@@ -32,6 +32,7 @@ def test_a_forked_process_uses_the_field_as_its_parent_does(forked: Any) -> None
     assert child["own"] == child["grandchild"][0] == parent
 
 
+@pytest.mark.long
 def test_a_forked_process_ends(forked: Any) -> None:
     """Used or not, at the interpreter's exit as well: Taichi would wait there for threads that it does not have."""
     assert forked["status"] == 0 and forked["unused"] == [0, 0]

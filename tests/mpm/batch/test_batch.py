@@ -125,6 +125,7 @@ def test_a_future_that_diverges_ends_alone(batch: mpm.Batch) -> None:
         assert isinstance(mine, list) and same(mine[0], theirs[0])
 
 
+@pytest.mark.long
 def test_a_future_costs_its_grains_alone(batch: mpm.Batch) -> None:
     """Position, velocity, affine velocity and strain in single precision, 21 numbers a grain, and what is read."""
     grains = sum(batch.solver.particles.counts)

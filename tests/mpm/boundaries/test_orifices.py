@@ -93,6 +93,7 @@ def test_nothing_passes_below_the_blocked_ratio() -> None:
         assert solver.passed_mass(0) == [0.0] and (solver.positions()[:, 2] > START[2]).all()
 
 
+@pytest.mark.long
 def test_a_hole_passes_outward_only() -> None:
     """Below a slanted floor the law's gravity is the component along the axis; above one nothing falls in."""
     with filled() as solver:

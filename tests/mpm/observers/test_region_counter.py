@@ -49,6 +49,7 @@ def moved(pose: mpm.Pose) -> mpm.Pose:
     return mpm.Pose(pose.position + [0.002, 0.001, 0.003], pose.quaternion)
 
 
+@pytest.mark.long
 def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
     """Ten readings, one after each of ten advances, and ten within one advance along the same path."""
     solver, counter, chosen = scene(per_particle=True, reach=0.03)

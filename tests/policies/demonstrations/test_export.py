@@ -31,6 +31,7 @@ def write_demonstrations(folder: Path) -> list[np.ndarray]:
     return motions
 
 
+@pytest.mark.long
 def test_a_file_holds_what_the_environment_returns(tmp_path: Path) -> None:
     """Episode by episode against the environment, made from the file's own specification and stepped by hand."""
     motions, out = write_demonstrations(tmp_path), tmp_path / "below" / "all.hdf5"

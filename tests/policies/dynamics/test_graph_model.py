@@ -144,6 +144,7 @@ def test_cost_of_the_search_is_the_penalty_of_the_reward():
     assert cost(scoop, grains, np.radians(-100.0)) == pytest.approx(scoop.reward["turn"].scale * np.radians(10.0))
 
 
+@pytest.mark.long
 def test_rollouts_are_stored_and_recognised(tmp_path):
     """Grains move and differ between rollouts; stored ones are not made again; other rollouts, and methods that take
     none, are refused."""

@@ -62,6 +62,7 @@ def test_the_example_of_a_method_runs_and_continues(tmp_path, monkeypatch):
     assert len(returns["whole"]) == 4 and returns["whole"] == returns["interrupted"]
 
 
+@pytest.mark.long
 def test_a_correction_of_the_knowing_script_begins_as_the_script_and_stays_near_it(tmp_path):
     """Also from its file; and from random starts nothing draws the actor to its best episode."""
     changes = {"expert": "knowing", "obs": "goal_frame,pending,time", "episodes": 1, "actor.imitation": 0.5}

@@ -84,6 +84,7 @@ def test_an_interrupted_run_of_a_batch_continues_to_the_same_bits(tmp_path, acto
     assert rows[0] == rows[1] and len(rows[0]) == 6
 
 
+@pytest.mark.long
 def test_a_checkpoint_within_episodes_continues_to_the_same_bits(tmp_path):
     """The state of a batch, taken in the middle of its episodes."""
     training = make_training(tmp_path, make_preset(episodes=100))
@@ -134,6 +135,7 @@ def test_what_has_no_batch_is_refused(tmp_path, task, preset, named):
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.long
 def test_environments_of_a_batch_may_end_apart(tmp_path):
     """One that diverges begins the run's next episode at once, while the other goes on; both keep their numbers."""
     training = make_training(tmp_path, make_preset(episodes=10))

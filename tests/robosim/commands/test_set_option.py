@@ -75,6 +75,7 @@ def test_what_is_no_setting_is_refused(capsys: pytest.CaptureFixture[str]) -> No
     assert "robosim evaluate: --set steps; accepted: KEY=VALUE" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_an_evaluation_with_settings_is_of_the_changed_task(tmp_path: Path) -> None:
     words = ["evaluate", "SpoonPour", "--policy", "zero", "--nominal", "--no-video", "--out", str(tmp_path)]
     assert main([*words, "--set", "steps=20", "--set", "material=sugar"]) == 0

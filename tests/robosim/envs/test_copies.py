@@ -73,6 +73,7 @@ def test_a_loaded_state_continues_to_the_bit(name: str, options: dict[str, Any])
     env.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "options", "n"), [
     ("SpoonTranslate", {"obs": "moments", "task": SHORT.model_copy(update={"steps": 40})}, 3),
     pytest.param("SpoonPour", {"grasp": "friction", **SOFT}, 30, marks=pytest.mark.slow),
@@ -147,6 +148,7 @@ def test_a_pickled_environment_continues_in_another_process(tmp_path: Path) -> N
     env.close()
 
 
+@pytest.mark.long
 def test_an_environment_that_never_began_has_copies() -> None:
     env, own = make("SpoonTranslate", task=SHORT, obs="none")
     twin = pickle.loads(pickle.dumps(env))

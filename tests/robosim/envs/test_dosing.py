@@ -36,6 +36,7 @@ def turn(env: GrainEnv, to_deg: float, rate: float = 1.0, amplitude: float = -1.
     return steps
 
 
+@pytest.mark.long
 def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
     targets = []
     for seed in range(30):

@@ -35,6 +35,7 @@ def test_unknown_options_list_the_valid_ones(options: dict, words: tuple[str, ..
     assert all(word in str(caught.value) for word in words), caught.value
 
 
+@pytest.mark.long
 def test_a_closed_environment_says_so() -> None:
     """Alone and among others, whatever is called; closing it twice is accepted.
 

@@ -50,6 +50,7 @@ def test_every_task_has_an_environment_with_a_page() -> None:
             assert fact in page, (name, fact)
 
 
+@pytest.mark.long
 def test_the_page_has_the_bounds_of_the_spaces(pour: GrainEnv) -> None:
     page = type(pour).__doc__ or ""
     low, high = pour.observation_space.low, pour.observation_space.high  # pyright: ignore[reportAttributeAccessIssue]

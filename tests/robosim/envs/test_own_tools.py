@@ -134,6 +134,7 @@ def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
     assert 0 < env.carrier.cell.grasp.slip < 0.003  # pyright: ignore[reportAttributeAccessIssue]
 
 
+@pytest.mark.long
 def test_what_is_wrong_with_an_arm_is_said() -> None:
     with pytest.raises(ConfigError, match="robot = 'panda', gripper = None with arm = False; accepted: arm = True"):
         GrainEnv(task="SpoonTranslate", robot="panda")

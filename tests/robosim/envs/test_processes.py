@@ -72,6 +72,7 @@ def check(script: str, *arguments: str) -> None:
     assert observations[:2] == observations[2:] and observations[0] != observations[1]
 
 
+@pytest.mark.long
 def test_gymnasium_forks_environments() -> None:
     """After it has made one in the process that it forks from."""
     check(GYMNASIUM)

@@ -157,6 +157,7 @@ def test_an_environment_that_ended_waits_for_its_reset() -> None:
         gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=2, autoreset_mode="never")
 
 
+@pytest.mark.long
 def test_wrappers_of_gymnasium_work(carried: gymnasium.vector.VectorEnv) -> None:
     """RecordEpisodeStatistics in every mode; those that normalise, which need NEXT_STEP."""
     given = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3, 3)).astype(np.float32)

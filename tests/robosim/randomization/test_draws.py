@@ -31,6 +31,7 @@ def test_draws_lie_in_their_ranges_and_are_what_the_field_has(env: GrainEnv):
     assert (np.std(seen, axis=0) > 0.2 * np.array([high - low for low, high in RANGES.values()])).all()
 
 
+@pytest.mark.long
 def test_draw_of_one_episode_repeats_it_bit_by_bit(env: GrainEnv):
     action = np.full(6, 0.2, np.float32)
     env.reset(seed=1)

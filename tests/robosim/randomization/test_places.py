@@ -16,6 +16,7 @@ from robosim.tasks.task import load_task
 PLACE = {"place_x": (-0.03, 0.03), "place_y": (-0.03, 0.03), "place_yaw_deg": (-30.0, 30.0)}
 
 
+@pytest.mark.long
 def test_container_and_grains_are_put_elsewhere_as_one():
     """In the container's frame all grains lie as before, and the counts and the scale find what they found."""
     env = make("ScoopScoop", obs=["scale", "height_map", "goal"], randomize=PLACE)

@@ -82,6 +82,7 @@ def test_another_clock_and_a_displaced_joint_are_seen(plan: Plan, tmp_path: Path
         assert not motion.state(-10.0).qd.any() and not motion.state(1e3).qd.any()
 
 
+@pytest.mark.long
 def test_an_approach_before_the_motion_is_no_part_of_it(plan: Plan, tmp_path: Path) -> None:
     """The arm comes from elsewhere, waits, and moves; and stands long afterwards."""
     approach, wait, after = 3.0, 4.0, 60.0

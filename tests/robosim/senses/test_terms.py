@@ -45,6 +45,7 @@ def test_flat_observations_pass_gymnasiums_check():
         env.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("task", "arm"), [
     ("SpoonPour", False), *(pytest.param(task, arm, marks=pytest.mark.slow) for task in BUNDLED for arm in (False, True)
                             if arm or task != "SpoonPour")])

@@ -26,6 +26,7 @@ def test_strains_rotate_with_the_tool():
     assert np.linalg.eigvalsh(after) == pytest.approx(np.linalg.eigvalsh(before))
 
 
+@pytest.mark.long
 def test_the_next_sub_task_begins_with_the_grains_that_are_left():
     """The same grains at the same positions in the tool under the same stress, and they stay at rest.
     A sub-task with another tool, or one that begins with an empty tool, is refused."""
