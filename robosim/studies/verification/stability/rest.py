@@ -72,8 +72,8 @@ def in_bowl() -> mpm.Solver:
 SCENES: dict[str, Callable[[], mpm.Solver]] = {
     "default": build, "f64": partial(build, precision="f64"),
     **{f"{share} x {stride}": partial(build, share=share, stride=stride) for share, stride in (
-        (0.83, 2), (0.83, 3), (0.83, 6), (0.83, 12), (0.75, 3), (0.75, 4), (0.75, 5), (0.72, 4), (0.66, 4), (0.65, 5),
-        (0.6, 4), (0.6, 5), (0.5, 6), (0.3, 12))},
+        (0.83, 2), (0.83, 3), (0.83, 6), (0.83, 12), (0.765, 3), (0.765, 4), (0.75, 3), (0.75, 4), (0.75, 5),
+        (0.72, 4), (0.66, 4), (0.65, 5), (0.6, 4), (0.6, 5), (0.5, 6), (0.3, 12))},  # 0.765: fitted to an advance
     "single substeps": partial(build, transfer_interval=0.0),
     "neo-Hookean": partial(build, mpm.Elastic(E=3e5, nu=0.25, density=DENSITY, model="neo_hookean"), settled=False),
     "nu 0": partial(build, mpm.Elastic(E=3e5, nu=0.0, density=DENSITY)),
@@ -85,7 +85,7 @@ SCENES: dict[str, Callable[[], mpm.Solver]] = {
     "clay": partial(build, mpm.VonMises(E=3e5, nu=0.25, density=DENSITY, yield_stress=2e3)),
     "water": partial(build, mpm.NewtonianFluid(bulk_modulus=1.5e5, density=1000.0)),
     **{f"sand {share} x {stride}": partial(build, SAND, share=share, stride=stride)
-       for share, stride in ((0.83, 1), (0.83, 3), (0.83, 12))},
+       for share, stride in ((0.83, 1), (0.83, 3), (0.83, 12), (0.765, 3))},
     "sand, one grain a cell": partial(build, SAND, spacing=CELL),
     "sand": partial(build, SAND), "sand asleep": partial(build, SAND, sleep=True),
     "sand 0 deg": partial(build, make_sand(1.5e5, 0.0)), "sand 60 deg": partial(build, make_sand(1.5e5, 60.0)),
