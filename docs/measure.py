@@ -1,6 +1,6 @@
 """Run the commands whose results the pages quote, and store these in docs/results/data: `python docs/measure.py NAME`.
 
-Names: rehearsal_spoon (and the pictures of it), gallery (a still of each of the other rehearsals), arms (three
+Names: rehearsal_spoon (and the pictures of it), gallery (stills of the other rehearsals, and eight loops), arms (three
 rehearsals with every arm, with its hand and without), foreign_arms (the spoon with arms of other packages, which
 docs/developer/testing.md says how to get), report, stability, bench, bench_field, networks (the bundled policies and
 their scores) and tables (the paper's): hours and days, which continue where they were interrupted. Without a name:
@@ -8,6 +8,7 @@ all but these two.
 """
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -32,6 +33,18 @@ from robosim.base.provenance import provenance  # noqa: E402
 IMAGES = HERE / "images"
 POSTERS = {"spoon": 8.85, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
 """Rehearsal -> time [s] of its still: grains fall, or move."""
+LOOPS = {
+    "spoon": (["rehearse", "spoon", "--no-video"], "close", 7.6),
+    "scoop": (["rehearse", "scoop", "--no-video"], "close", 2.4),
+    "bottle": (["rehearse", "bottle", "--no-video"], "close", 2.6),
+    "shovel": (["rehearse", "shovel", "--no-video"], "close", 1.6),
+    "dose_spoon": (["rehearse", "dose_spoon", "--no-video"], "close", 5.0),
+    "ur5e": (["rehearse", "spoon", "--no-video", "--set", "robot=ur5e", "--material", "sugar"], "auto", 2.6),
+    "water": (["evaluate", "ScoopPour", "--policy", "scripted", "--episodes", "1", "--material", "water",
+               "--no-video"], "task", 0.2),
+    "push": (["evaluate", "ShovelMove", "--policy", "network", "--episodes", "1", "--no-video"], "task", 0.0)}
+"""Loop of the gallery -> command whose run it shows, camera, and time [s] at which it begins."""
+LOOP_SECONDS, LOOP_RATE = 3.0, 12
 CASES = ["free_fall", "bar", "spin", "uniaxial", "column_weight", "hydrostatic", "return_mapping", "element_path",
          "closed_system", "block_at_rest", "ik_poses", "jerk_limits", "two_models"]
 """Cases of the stored report: a subject each from continuum, fluid, grains, coupling and robot."""
@@ -86,20 +99,44 @@ def pictures(out: Path) -> None:
     curves.save(IMAGES / "spoon_report.png", optimize=True)
 
 
-def still(out: Path, name: str) -> None:
+def draw(run: Path, out: Path, camera: str, begin: float, end: float, *more: str) -> None:
+    """Draw a part of a run's film. DRAW in the environment: an interpreter with MuJoCo 4, which does so by Filament."""
+    words = ["film", str(run), "--camera", camera, "--height", "540", "--begin", str(begin), "--end", str(end), *more]
+    subprocess.run([os.environ.get("DRAW", sys.executable), "-m", "robosim", *words, "--out", str(out)],
+                   cwd=HERE.parent, check=True)
+
+
+def still(run: Path, name: str) -> None:
     """The still of a rehearsal."""
     from PIL import Image
 
+    moment, out = POSTERS[name], run / "still"
+    draw(run, out, "auto" if name == "spoon" else "close", moment, moment + 0.1, "--poster", str(moment))
     poster = Image.open(out / "poster.png").convert("RGB")
     poster.resize((1280, 720), Image.Resampling.LANCZOS).save(IMAGES / f"{name}.jpg", quality=84, optimize=True)
 
 
 def gallery(out: Path) -> None:
-    """Stills of the rehearsals besides the spoon's."""
-    for name, moment in POSTERS.items():
-        if name != "spoon":
-            command(["rehearse", name, "--camera", "close", "--poster", str(moment)], out / name)
-            still(out / name, name)
+    """Stills of the rehearsals besides the spoon's, and the loops."""
+    for name, (words, camera, begin) in LOOPS.items():
+        run = out / name
+        command(words, run)
+        draw(run, run / "loop", camera, begin, begin + LOOP_SECONDS)
+        loop(next((run / "loop").glob("*.mp4")), IMAGES / f"{name}.webp")
+        if name in POSTERS and name != "spoon":
+            still(run, name)
+
+
+def loop(film: Path, out: Path) -> None:
+    """Write a film as a picture that moves."""
+    from PIL import Image
+
+    from robosim.rendering.video import read_frames
+
+    frames = [Image.fromarray(frame).resize((480, 270), Image.Resampling.LANCZOS)
+              for frame in read_frames(film, round(LOOP_SECONDS * LOOP_RATE))]
+    frames[0].save(out, save_all=True, append_images=frames[1:], duration=round(1000 / LOOP_RATE), loop=0, quality=60,
+                   method=6)
 
 
 ARMS = {"gen3": "Kinova Gen3", "iiwa14": "KUKA LBR iiwa 14", "panda": "Franka Panda", "ur5e": "Universal Robots UR5e",

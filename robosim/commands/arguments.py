@@ -59,6 +59,7 @@ NUMBERS = {
     "--rate": Number(1e-6, 1.0, False),  # actions reach from -1 to 1; below, single precision does not change them
     "--height": Number(144, 1080),  # pixels; the largest picture that scenes are compiled for
     "--poster": Number(0.0, 600.0, False),  # [s], as the longest motion
+    "--begin": Number(0.0, 1e6, False), "--end": Number(0.0, 1e6, False),  # [s]
     "--time": Number(0.0, 1e6, False),  # [s]
     "--until": Number(1e-4, 600.0, False),  # [s], as the episode of a task
     "--limit": Number(1e-30, 1e30, False),  # numbers of single precision reach from 1e-38 to 1e38

@@ -3,7 +3,7 @@
 import contextlib
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -52,6 +52,10 @@ class FilmStyle(NamedTuple):
     """Time [s] of a still in 4K; True: when the tool empties, or is full; None: there is none."""
     renderer: Literal["auto", "filament", "classic"] = "auto"
     """filament: physically based, of MuJoCo 4; classic: OpenGL; auto: filament where it can draw."""
+    begin: float = 0.0
+    """Time [s] of the first picture."""
+    end: float = np.inf
+    """Time [s] of the last picture; a film of a part has no sheet of frames."""
 
 
 EPISODE = FilmStyle(height=480)
@@ -77,7 +81,7 @@ def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = No
             name = first.path.name.removesuffix(".part").removesuffix(".rec") + ".mp4"
         try:
             frames = _draw_film(recordings, folder / name, style)
-            if first.header.kind == "rehearsal":
+            if first.header.kind == "rehearsal" and len(frames) and style.begin <= 0.0 and style.end == np.inf:
                 write(folder / SHEET, lambda path: write_contact_sheet(list(frames.values()), list(frames), path))
             if style.poster is not None:
                 _draw_poster(first, folder / POSTER, style)
@@ -105,12 +109,13 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
     rate = recordings[0].header.frame_rate
     with contextlib.ExitStack() as stack:
         writer: Mp4Writer | None = None
-        progress = stack.enter_context(Progress(total=sum(map(len, recordings)), desc="film", unit="frames"))
+        count = sum(len(shown_frames(recording, style)) for recording in recordings)
+        progress = stack.enter_context(Progress(total=count, desc="film", unit="frames"))
         for recording in recordings:
             with Pictures(recording, style) as pictures:
                 writer = writer or stack.enter_context(Mp4Writer(path, fps=rate, comment=choose_renderer(style)))
                 chosen = find_passages(recording)
-                for k, frame in enumerate(pictures.draw_all()):
+                for k, frame in pictures.draw_all(shown_frames(recording, style)):
                     time = recording.scene(k).time
                     picture = Image.fromarray(frame)
                     passed = name_passage(recording, time)
@@ -131,6 +136,16 @@ def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
         with Pictures(recording, style._replace(height=POSTER_HEIGHT)) as pictures:
             frame = pictures.draw(k)
         write(path, lambda temporary: Image.fromarray(frame).save(temporary, format="PNG"))
+
+
+def shown_frames(recording: Recording, style: FilmStyle) -> range:
+    """Return the frames of a recording between a style's times; raises ConfigError where there are none."""
+    times = recording.values()[0]
+    frames = range(*np.searchsorted(times, [style.begin, np.nextafter(style.end, np.inf)]).tolist())
+    if not frames:
+        raise ConfigError(f"{recording.path}: no frames from {style.begin:g} to {style.end:g} s; accepted: times of "
+                          f"{times[0]:.2f} to {times[-1]:.2f} s")
+    return frames
 
 
 def choose_renderer(style: FilmStyle) -> str:
@@ -172,14 +187,17 @@ class Pictures(contextlib.AbstractContextManager["Pictures"]):
         """Draw the k-th frame (height, width, 3)."""
         return self._begin(k)()
 
-    def draw_all(self) -> Iterator[np.ndarray]:
-        """Draw all frames; each one is finished while the next one is begun."""
+    def draw_all(self, frames: range) -> Iterator[tuple[int, np.ndarray]]:
+        """Draw frames, each with its number; each one is finished while the next one is begun."""
         with ThreadPoolExecutor(1) as worker:
-            before = worker.submit(self._begin(0))
-            for k in range(1, len(self._recording)):
-                before, finished = worker.submit(self._begin(k)), before
-                yield finished.result()
-            yield before.result()
+            begun: list[tuple[int, Future[np.ndarray]]] = []
+            for k in frames:
+                begun.append((k, worker.submit(self._begin(k))))
+                if len(begun) > 1:
+                    number, finished = begun.pop(0)
+                    yield number, finished.result()
+            for number, finished in begun:
+                yield number, finished.result()
 
     def _begin(self, k: int) -> Callable[[], np.ndarray]:
         scene = self._recording.scene(k)

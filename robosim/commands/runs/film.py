@@ -1,11 +1,12 @@
 """`robosim film`: the video of a run, drawn again from its recording."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
 EXAMPLE = """examples:
-  robosim film out/sugar --camera wrist --out out/wrist
+  robosim film out/sugar --camera wrist --begin 3 --end 6 --out out/wrist
   robosim film out/sugar --camera orbit --height 1080 --poster 8.5 --renderer filament
   robosim film out/chain/2-SpoonTranslate.rec"""
 
@@ -21,6 +22,8 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--height", default=720, help="height of the pictures [pixels], 16 : 9")
     parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
                       "(default: when the tool empties, or is full)")
+    parser.add_number("--begin", default=0.0, help="time of the first picture [s]")
+    parser.add_number("--end", default=math.inf, help="time of the last picture [s] (default: the run's end)")
     parser.add_argument("--renderer", choices=["auto", "filament", "classic"], default="auto", help="filament: "
                         "physically based light, of MuJoCo 4 on a Vulkan device; classic: OpenGL; auto: filament where "
                         "it can draw (default: auto)")
@@ -37,6 +40,7 @@ def run(options: argparse.Namespace) -> int:
 
     own = find_recordings(options.what)[0].parent
     with OutputFolder(options.out or own, is_shared=options.out is None) as folder:
-        style = FilmStyle(options.camera, options.height, options.poster, options.renderer)
+        style = FilmStyle(options.camera, options.height, options.poster, options.renderer, options.begin,
+                          options.end)
         print(film_run(options.what, folder.path, style))
     return 0

@@ -102,9 +102,9 @@ def test_a_recorded_scene_looks_like_the_simulated_one(tmp_path: Path) -> None:
         with Recording(tmp_path / "recording.rec") as recording:
             hidden = recording.header.model_copy(update={"grains": 0, "regions": []})
             recording._header, recording.grains = hidden, lambda k: GrainState(*4 * [np.zeros((0, 3))])
-            with Pictures(recording, FilmStyle(camera, height=360)) as pictures:
+            with Pictures(recording, FilmStyle(camera, height=360, renderer="classic")) as pictures:
                 drawn = pictures.draw(FRAMES - 1).astype(int)
-                assert all((one == pictures.draw(k)).all() for k, one in enumerate(pictures.draw_all()))
+                assert all((one == pictures.draw(k)).all() for k, one in pictures.draw_all(range(FRAMES)))
         assert np.ptp(expected) > 100 and (np.abs(drawn - expected).max(2) > 8).mean() < 1e-3, camera
 
 
@@ -120,6 +120,16 @@ def test_a_film_has_all_frames_and_a_sheet_and_a_poster(tmp_path: Path) -> None:
     assert read_film(tmp_path / "rehearsal.mp4")[0].shape == (90, 160, 3)
     with Image.open(tmp_path / "poster.png") as poster:
         assert poster.size == (3840, 2160)
+
+
+def test_a_film_of_a_part_has_its_frames_and_no_sheet(tmp_path: Path) -> None:
+    """Both ends belong to it; a time after the end is refused with those that there are."""
+    record(tmp_path / "run" / "recording.rec")
+    film_run(tmp_path / "run", tmp_path, FilmStyle("close", height=90, begin=0.1, end=0.3))
+    assert len(read_film(tmp_path / "rehearsal.mp4")) == 5
+    assert not (tmp_path / "frames.png").exists()
+    with pytest.raises(ConfigError, match=r"no frames from 7 to 8 s; accepted: times of 0.00 to 0.55 s"):
+        film_run(tmp_path / "run", tmp_path, FilmStyle("close", begin=7.0, end=8.0))
 
 
 def test_a_camera_that_frames_shows_all_points_and_no_more_room_than_it_needs() -> None:
