@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from robosim.base.errors import RobosimError
 from robosim.rendering.grain_skin import HEAP, compute_normals, find_surface, make_crystals
+from robosim.rendering.renderer import aim
+from robosim.rendering.soft_shadows import View
 
 KEY = {"intensity": 60_000.0, "color": (1.0, 0.97, 0.92), "bulb_radius": 0.05, "softness": 1.0, "shadow_map_size": 2048}
 """The key light, which is as far away as the sun and casts soft shadows; intensity in lux."""
@@ -81,17 +83,12 @@ class FilamentRenderer:
     def begin(self, data: mujoco.MjData, positions: NDArray[np.floating] | None, camera: str | mujoco.MjvCamera
               ) -> Callable[[], NDArray[np.uint8]]:
         """Draw a picture as `draw` does, and return what gives it, as that of other renderers does."""
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_comPos(self._model, data)
-        mujoco.mj_camlight(self._model, data)
-        eye = mujoco.MjvCamera() if isinstance(camera, str) else camera
-        if isinstance(camera, str):
-            eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(camera).id
+        eye = aim(self._model, data, camera)
         mujoco.mjv_updateScene(self._model, data, mujoco.MjvOption(), None, eye, 0, self._eye)  # its camera alone
-        left, right = self._eye.camera[:2]
+        view = View.of(self._eye)
         self._request.camera = self._api.Camera(
-            pos=0.5 * (left.pos + right.pos), forward=left.forward, up=left.up, frustum_bottom=left.frustum_bottom,
-            frustum_top=left.frustum_top, frustum_near=left.frustum_near, frustum_far=left.frustum_far)
+            pos=view.position, forward=view.axes[2], up=view.axes[1], frustum_bottom=-view.top, frustum_top=view.top,
+            frustum_near=view.near, frustum_far=view.far)
         for part in self._parts:
             part.update(data)
         if self._heap is not None:

@@ -84,12 +84,7 @@ class SceneRenderer:
     def begin(self, data: mujoco.MjData, positions: Array | None, camera: str | mujoco.MjvCamera
               ) -> Callable[[], NDArray[np.uint8]]:
         """Begin a picture as `draw` does; return what finishes it, which another thread may call meanwhile."""
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_comPos(self._model, data)
-        mujoco.mj_camlight(self._model, data)
-        eye = mujoco.MjvCamera() if isinstance(camera, str) else camera
-        if isinstance(camera, str):
-            eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(camera).id
+        eye = aim(self._model, data, camera)
         scene, (height, width) = self._scene, self._size
         mujoco.mjv_updateScene(self._model, data, self._option, None, eye, mujoco.mjtCatBit.mjCAT_ALL, scene)
         if len(self._outward):
@@ -164,6 +159,18 @@ class SceneRenderer:
     def close(self) -> None:
         """Free the OpenGL context; also called when the last reference is gone, and at the interpreter's exit."""
         self._free()
+
+
+def aim(model: mujoco.MjModel, data: mujoco.MjData, camera: str | mujoco.MjvCamera) -> mujoco.MjvCamera:
+    """Bring what is drawn to the positions of data, and return a camera of the model by its name, or the free one."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+    if not isinstance(camera, str):
+        return camera
+    eye = mujoco.MjvCamera()
+    eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, model.camera(camera).id
+    return eye
 
 
 def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
