@@ -266,7 +266,9 @@ def bench_field(out: Path) -> dict[str, Any]:
             "head": ["scene", "particles", "threads", "device", "ns per particle and substep"], "rows": rows}
 
 
-SUITES = ("wide", "hard")
+SCORED = {"wide": ["--suite", "wide"], "hard": ["--suite", "hard"],
+          **{f"wide_{arm}": ["--suite", "wide", "--alone", "--arm", "--robot", arm] for arm in ("iiwa14", "ur5e")}}
+"""End of a file with scores -> arguments of `robosim evaluate`: the tool alone, and two arms from the same starts."""
 EPISODES = 30
 
 
@@ -294,18 +296,17 @@ def networks(_: Path) -> None:
         folders = taken.setdefault(task, {})
         folders[folder] = max(folders.get(folder, 0.0), best.stat().st_mtime)
 
-    def score(task: str, suite: str) -> None:
-        out, names = HERE.parent / "out" / "networks" / task / suite, [str(folder) for folder in taken[task]]
+    def score(task: str, end: str) -> None:
+        out, names = HERE.parent / "out" / "networks" / task / end, [str(folder) for folder in taken[task]]
         scored = out / "evaluation.json"
         if not scored.is_file() or scored.stat().st_mtime < max(taken[task].values()):
             beside = ["--beside", *names[1:]] if names[1:] else []
-            command(["evaluate", task, "--policy", names[0], *beside, "--suite", suite,
-                     "--episodes", str(EPISODES)], out)
-        for end in ("json", "csv"):
-            shutil.copyfile(out / f"evaluation.{end}", NETWORKS / f"{task}_{suite}.{end}")
+            command(["evaluate", task, "--policy", names[0], *beside, *SCORED[end], "--episodes", str(EPISODES)], out)
+        for kind in ("json", "csv"):
+            shutil.copyfile(out / f"evaluation.{kind}", NETWORKS / f"{task}_{end}.{kind}")
 
     with ThreadPoolExecutor(2) as pool:
-        list(pool.map(score, *zip(*((task, suite) for task in taken for suite in SUITES))))
+        list(pool.map(score, *zip(*((task, end) for end in SCORED for task in taken))))
     table = HERE.parent / "out" / "networks" / "tables"
     command(["tables", "out/networks"], table)
     rows = json.loads((table / "tables.json").read_text())

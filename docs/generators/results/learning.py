@@ -112,19 +112,20 @@ def networks_page() -> str:
     rows, _ = collect_rows([TRAINED / "networks.json"])
     evaluations = [json.loads(path.read_text()) for path in sorted(NETWORKS.glob("*.json"))]
     parts = []
-    for suite in dict.fromkeys(one["suite"] for one in evaluations):
-        own = [one for one in evaluations if one["suite"] == suite]
-        lines = []
+    for suite, robot in dict.fromkeys((one["suite"], one["environment"]["robot"]) for one in evaluations):
+        own = [one for one in evaluations if (one["suite"], one["environment"]["robot"]) == (suite, robot)]
+        lines, compared = [], COMPARED if robot is None else ()
         for one in own:
             named = {part: figures for name, figures in one["policies"].items() for part in Path(name).parts[-2:]}
-            lines.append([one["task"], *(cell for name in (*FOLDERS.values(), *COMPARED)
+            lines.append([one["task"], *(cell for name in (*FOLDERS.values(), *compared)
                                          for cell in score_and_success(named.get(name)))])
         commits = ", ".join(sorted({f"`{one['made_by']['commit']}`" for one in own}))
         episodes = {figures["episodes"] for one in own for figures in one["policies"].values()}
-        head = ["task", *(f"{name}, {figure}" for name in (*FOLDERS, *COMPARED)
+        head = ["task", *(f"{name}, {figure}" for name in (*FOLDERS, *compared)
                           for figure in ("score", "success"))]
-        parts.append(f"Suite `{suite}`, {' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}.\n\n"
-                     f"{table(head, lines)}")
+        carried = "" if robot is None else f", the tool in the hand of {robot}"
+        counts = " to ".join(map(str, sorted(episodes)))
+        parts.append(f"Suite `{suite}`{carried}, {counts} episodes each, at {commits}.\n\n{table(head, lines)}")
     return "\n\n".join([age(rows), *parts])
 
 
