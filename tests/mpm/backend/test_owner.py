@@ -39,6 +39,7 @@ def test_a_forked_process_ends(forked: Any) -> None:
     assert forked["child"]["grandchild"][1] == 0
 
 
+@pytest.mark.long
 def test_a_forked_process_cannot_use_what_its_parent_made(forked: Any) -> None:
     """Neither before it has started the backend again nor after."""
     for refused in forked["child"]["refused"]:

@@ -107,6 +107,7 @@ def test_a_hole_passes_outward_only() -> None:
         assert solver.passed_mass(0)[0] == before
 
 
+@pytest.mark.long
 def test_grains_feel_the_acceleration_of_the_shell() -> None:
     """A can that is lifted with 0.5 g passes sqrt(1.5) of what it passes at rest; one that is pulled down with 1.5 g
     nothing, but for the 4 ms over which its acceleration is smoothed."""

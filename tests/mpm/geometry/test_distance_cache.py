@@ -43,6 +43,7 @@ def test_a_shell_is_read_too(counted: list, tmp_path: Path) -> None:
     assert len(list((tmp_path / "cache" / "distances").glob("*.npz"))) == 1
 
 
+@pytest.mark.long
 def test_a_shell_lies_behind_its_front_face() -> None:
     """The same distances as about the mid-surface, half a thickness further in."""
     mpm.init()

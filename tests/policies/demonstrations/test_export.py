@@ -52,6 +52,7 @@ def test_a_file_holds_what_the_environment_returns(tmp_path: Path) -> None:
             assert group.attrs["tcs"] == info["tcs"] and group.attrs["is_success"] == info["is_success"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("obs", ["moments", "dict"])
 def test_minari_opens_a_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, obs: str) -> None:
     """By its name, with the environment's spaces; and its file has Minari's layout, field by field."""

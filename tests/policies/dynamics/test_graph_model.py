@@ -83,6 +83,7 @@ def make_dragged(rng, episodes: int = 20) -> Rollouts:
     return Rollouts(grains, poses)
 
 
+@pytest.mark.long
 def test_a_network_learns_and_continues_from_a_checkpoint():
     """On the test set the error of a frame is less than 0.7 x that before training, which predicts the mean, and less
     than half of that of constant velocity. Continued from the first checkpoint, it ends with the same bits."""

@@ -228,6 +228,7 @@ def test_a_pose_is_corrected_at_the_limit_of_dry_friction(tmp_path: Path) -> Non
         assert body_pose(data, wrist).position == pytest.approx(aim, abs=1e-8)
 
 
+@pytest.mark.long
 def test_a_body_that_leaves_the_grid_causes_a_warning_and_falls_freely() -> None:
     plugin = tray(BOXES, bodies={"light": None})
     data = plugin.data

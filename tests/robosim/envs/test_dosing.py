@@ -52,6 +52,7 @@ def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
         spoon.reset(options={"draw": draw})
 
 
+@pytest.mark.long
 def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv) -> None:
     seen, _ = spoon.reset(seed=4)
     for layout in ("flat", "dict", "none"):

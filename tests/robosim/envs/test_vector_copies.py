@@ -130,6 +130,7 @@ def replace(vector: Any) -> Any:
     return pickle.loads(copied)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, pytest.param(None, marks=pytest.mark.slow)])
 def test_arms_of_a_vector_are_called_by_name(workers: int | None) -> None:
     """Methods and attributes of each; what is refused leaves the vector environment as it was."""

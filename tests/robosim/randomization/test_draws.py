@@ -43,6 +43,7 @@ def test_draw_of_one_episode_repeats_it_bit_by_bit(env: GrainEnv):
     assert same([env.step(action)[0] for _ in range(4)], first)
 
 
+@pytest.mark.long
 def test_friction_of_the_tool_changes_what_happens(env: GrainEnv):
     spread = []
     _, info = env.reset(seed=0)

@@ -156,6 +156,7 @@ def test_hard_has_half_the_target_a_delay_noise_and_room_and_starts_that_do_not_
     assert not set(unseen.materials) & set(layout.world.randomization.materials)
 
 
+@pytest.mark.long
 def test_ranges_may_be_a_file(tmp_path):
     file = tmp_path / "own.yaml"
     file.write_text("place_x: [-0.05, 0.05]\nmaterial: [salt, sugar]\n")

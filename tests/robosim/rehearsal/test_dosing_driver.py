@@ -70,6 +70,7 @@ def test_pi_doses_on_the_arm(dosed: Stage) -> None:
     assert figures["dose_overshoot_kg"] == pytest.approx(max(error, 0.0))
 
 
+@pytest.mark.long
 def test_the_motion_is_one_that_the_arm_can_make(plan: Plan, dosed: Stage) -> None:
     """Speeds, accelerations and jerks within the limits, also by differences; it begins and ends at rest at the
     waypoint. The lip stays where it is commanded, and swings about this place while it vibrates."""

@@ -125,6 +125,7 @@ def test_wrist_with_an_arm_is_mujocos_sensor():
     env.close()
 
 
+@pytest.mark.long
 def test_scale_shows_what_was_poured_after_its_lag():
     longer = load_task("SpoonPour").model_copy(update={"steps": 1500})  # until all has landed
     env = make("SpoonPour", task=longer, obs=[{"name": "scale", "lag": 0.1, "repeatability": 0.0}], horizon="truncate")

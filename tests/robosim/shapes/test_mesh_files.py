@@ -43,6 +43,7 @@ FACES = {
     "all_twice.ply": lambda faces: flip(np.concatenate([faces, faces[:, ::-1]])[::-1])}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sheet", [False, True])
 def test_every_form_of_a_ladle_holds_the_same(sheet: bool, tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     """A wall of 2 pi r^2 t, or its middle and t, around 2/3 pi (r - t/2)^3 of water, with a closed rod through it."""

@@ -25,6 +25,7 @@ def write_policy(folder: Path, **changed: Any) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_a_constant_action_takes_the_tool_there_in_a_straight_line(tmp_path: Path) -> None:
     """From the task's start, translated to where the rehearsal has its pile, and after a rest."""
     plan = plan_motion(check_config(rehearsal("shovel", trajectory="recorded")))
