@@ -8,14 +8,10 @@ all but these two.
 """
 
 import json
-import os
 import re
 import shutil
-import subprocess
 import sys
-import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,42 +22,17 @@ sys.path[:0] = [str(HERE.parent), str(HERE), str(HERE.parent / "tests")]
 from foreign_arms import ARMS as FOREIGN  # noqa: E402
 from foreign_arms import find_arm  # noqa: E402
 from generators.results.measured import DATA  # noqa: E402
+from measuring.learning import networks, tables  # noqa: E402
+from measuring.pictures import POSTERS, gallery, picture_of_arms, pictures  # noqa: E402
+from measuring.running import command, made_by  # noqa: E402
 
 from robosim.base.digests import code_digest  # noqa: E402
-from robosim.base.provenance import provenance  # noqa: E402
 
-IMAGES = HERE / "images"
-POSTERS = {"spoon": 8.85, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
-"""Rehearsal -> time [s] of its still: grains fall, or move."""
-LOOPS = {
-    "spoon": (["rehearse", "spoon", "--no-video"], "close", 7.6),
-    "scoop": (["rehearse", "scoop", "--no-video"], "close", 2.4),
-    "bottle": (["rehearse", "bottle", "--no-video"], "close", 2.6),
-    "shovel": (["rehearse", "shovel", "--no-video"], "close", 1.6),
-    "dose_spoon": (["rehearse", "dose_spoon", "--no-video"], "close", 5.0),
-    "ur5e": (["rehearse", "spoon", "--no-video", "--set", "robot=ur5e", "--material", "sugar"], "auto", 2.6),
-    "water": (["evaluate", "ScoopPour", "--policy", "scripted", "--episodes", "1", "--material", "water",
-               "--no-video"], "task", 0.2),
-    "push": (["evaluate", "ShovelMove", "--policy", "network", "--episodes", "1", "--no-video"], "task", 0.0)}
-"""Loop of the gallery -> command whose run it shows, camera, and time [s] at which it begins."""
-LOOP_SECONDS, LOOP_RATE = 3.0, 12
 CASES = ["free_fall", "bar", "spin", "uniaxial", "column_weight", "hydrostatic", "return_mapping", "element_path",
          "closed_system", "block_at_rest", "ik_poses", "jerk_limits", "two_models"]
 """Cases of the stored report: a subject each from continuum, fluid, grains, coupling and robot."""
 AXES = ["courant", "friction_angle_deg", "mass_ratio", "lagged_mass_ratio", "rest"]
 SIZES = ["300", "2880", "50000"]
-
-
-def command(words: list[str], out: Path) -> float:
-    """Run `robosim WORDS --out OUT`; the seconds that it took."""
-    begin = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "robosim", *words, "--out", str(out)], cwd=HERE.parent, check=False)
-    return time.perf_counter() - begin
-
-
-def made_by(words: list[str]) -> dict[str, str]:
-    """Command, commit and machine."""
-    return {**provenance(), "command": " ".join(["robosim", *words])}
 
 
 def rehearsal_spoon(out: Path) -> dict[str, Any]:
@@ -81,62 +52,6 @@ def rehearsal_spoon(out: Path) -> dict[str, Any]:
               "spoon_tracking_mm": f"{1e3 * figures['tool_tracking_error_max_m']:.1f}"}
     return {"made_by": made_by([*words, "--out", "out/spoon"]), "code": code_digest("robosim.commands.runs.rehearse"),
             "seconds": seconds, "figures": figures, "quoted": quoted}
-
-
-def pictures(out: Path) -> None:
-    """The still, the sheet of nine, the page of curves; small enough for a repository."""
-    from PIL import Image
-
-    IMAGES.mkdir(exist_ok=True)
-    still(out, "spoon")
-    sheet = Image.open(out / "frames.png").convert("RGB")
-    sheet.resize((1440, 810)).save(IMAGES / "spoon_sheet.jpg", quality=80, optimize=True)
-    if shutil.which("chromium") is None:
-        print("spoon_report.png is left as it is: it needs Chromium, which is not installed", file=sys.stderr)
-        return
-    picture_of_page(out / "index.html", out / "page.png")
-    curves = Image.open(out / "page.png").convert("RGB").quantize(64)
-    curves.save(IMAGES / "spoon_report.png", optimize=True)
-
-
-def draw(run: Path, out: Path, camera: str, begin: float, end: float, *more: str) -> None:
-    """Draw a part of a run's film. DRAW in the environment: an interpreter with MuJoCo 4, which does so by Filament."""
-    words = ["film", str(run), "--camera", camera, "--height", "540", "--begin", str(begin), "--end", str(end), *more]
-    subprocess.run([os.environ.get("DRAW", sys.executable), "-m", "robosim", *words, "--out", str(out)],
-                   cwd=HERE.parent, check=True)
-
-
-def still(run: Path, name: str) -> None:
-    """The still of a rehearsal."""
-    from PIL import Image
-
-    moment, out = POSTERS[name], run / "still"
-    draw(run, out, "auto" if name == "spoon" else "close", moment, moment + 0.1, "--poster", str(moment))
-    poster = Image.open(out / "poster.png").convert("RGB")
-    poster.resize((1280, 720), Image.Resampling.LANCZOS).save(IMAGES / f"{name}.jpg", quality=84, optimize=True)
-
-
-def gallery(out: Path) -> None:
-    """Stills of the rehearsals besides the spoon's, and the loops."""
-    for name, (words, camera, begin) in LOOPS.items():
-        run = out / name
-        command(words, run)
-        draw(run, run / "loop", camera, begin, begin + LOOP_SECONDS)
-        loop(next((run / "loop").glob("*.mp4")), IMAGES / f"{name}.webp")
-        if name in POSTERS and name != "spoon":
-            still(run, name)
-
-
-def loop(film: Path, out: Path) -> None:
-    """Write a film as a picture that moves."""
-    from PIL import Image
-
-    from robosim.rendering.video import read_frames
-
-    frames = [Image.fromarray(frame).resize((480, 270), Image.Resampling.LANCZOS)
-              for frame in read_frames(film, round(LOOP_SECONDS * LOOP_RATE))]
-    frames[0].save(out, save_all=True, append_images=frames[1:], duration=round(1000 / LOOP_RATE), loop=0, quality=60,
-                   method=6)
 
 
 ARMS = {"gen3": "Kinova Gen3", "iiwa14": "KUKA LBR iiwa 14", "panda": "Franka Panda", "ur5e": "Universal Robots UR5e",
@@ -159,7 +74,7 @@ def arms(out: Path) -> dict[str, Any]:
                 figures = json.loads((folder / "report.json").read_text())
                 rows.append([name, figures["gripper"], rehearsal, "; ".join(figures["missed"]) or "all",
                              *(form.format(figures[key]) for key, form in FIGURES.items())])
-    picture_of_arms()
+    picture_of_arms(ARMS)
     words = ["rehearse", "REHEARSAL", "--no-video", "--set", "robot=ARM", "--set", "gripper=GRIPPER"]
     return {"made_by": made_by(words),
             "code": code_digest("robosim.commands.runs.rehearse"),
@@ -206,43 +121,6 @@ def foreign_arms(out: Path) -> dict[str, Any]:
             "refused_head": ["arm", "package", "refused"], "refused": refused}
 
 
-def picture_of_arms() -> None:
-    """Draw every arm with its hand while it digs, and without while it pours."""
-    import mujoco
-    import numpy as np
-    from PIL import Image
-
-    from robosim.config.rehearsal import load_rehearsal
-    from robosim.planning.plan import plan_motion
-    from robosim.rendering.renderer import SceneRenderer
-    from robosim.scene.build import compile_rehearsal
-
-    rows = []
-    for gripper, waypoint in ((None, "dig"), ("none", "tilt")):
-        rows.append([])
-        for arm in ARMS:
-            plan = plan_motion(load_rehearsal("spoon", {"robot": arm, "gripper": gripper}))
-            scene = compile_rehearsal(plan.config)
-            data, renderer = mujoco.MjData(scene.model), SceneRenderer(scene.model, 0, 440, 480)
-            data.qpos[scene.arm_qpos] = plan.motion.state(plan.path.times[waypoint]).q
-            mujoco.mj_forward(scene.model, data)
-            rows[-1].append(renderer.draw(data, None, "overview"))
-            renderer.close()
-    picture = Image.fromarray(np.concatenate([np.concatenate(row, 1) for row in rows], 0))
-    picture.resize((1440, 528), Image.Resampling.LANCZOS).save(IMAGES / "arms.jpg", quality=84, optimize=True)
-
-
-def picture_of_page(page: Path, out: Path) -> None:
-    """Draw the curves of a run's page in Chromium."""
-    script = ("<script>for (const part of document.querySelectorAll('main > *')) "
-              "if (!part.querySelector('.plotly-graph-div')) part.remove(); document.querySelector('header').remove(); "
-              "window.dispatchEvent(new Event('resize'))</script></body>")
-    cut = out.with_suffix(".html")
-    cut.write_text(page.read_text().replace("</body>", script))
-    subprocess.run(["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1180,1780",
-                    "--virtual-time-budget=8000", f"--screenshot={out}", cut.resolve().as_uri()], check=True)
-
-
 WHOLE = {"report": [*CASES, "--quick"], "stability": AXES,
          "bench": ["coupling", "kinematics", "SpoonPour", "ShovelMove", "arm_SpoonPour"]}
 """Command whose file is stored as it is -> its words."""
@@ -264,74 +142,6 @@ def bench_field(out: Path) -> dict[str, Any]:
     rows = [[line["scene"], line["grains"], line["threads"], line["arch"], line.get("ns")] for line in lines]
     return {"made_by": made_by([*words, "--out", "out/bench"]), "code": code_digest("robosim.studies.benchmarks.field"),
             "head": ["scene", "particles", "threads", "device", "ns per particle and substep"], "rows": rows}
-
-
-SCORED = {"wide": ["--suite", "wide"], "hard": ["--suite", "hard"],
-          **{f"wide_{arm}": ["--suite", "wide", "--alone", "--arm", "--robot", arm] for arm in ("iiwa14", "ur5e")}}
-"""End of a file with scores -> arguments of `robosim evaluate`: the tool alone, and two arms from the same starts."""
-EPISODES = 30
-
-
-def networks(_: Path) -> None:
-    """Train the sweep of the bundled policies, take the best of finished runs, and score those of a task.
-    The first seed's policy is bundled; scores are those of all seeds."""
-    from generators.results.learning import KINDS, NETWORKS, TRAINED
-
-    from policies.runs.sweep_file import load_sweep, plan_runs
-
-    words = ["sweep", "configs/published/networks.yaml", "--jobs", "2"]
-    subprocess.run([sys.executable, "-m", "robosim", *words], cwd=HERE.parent, check=False)
-    taken: dict[str, dict[Path, float]] = {}  # task -> folder of policies that differ in the seed -> newest [s]
-    for run in plan_runs(load_sweep(HERE.parent / words[1])):
-        task, best, kind = run.arguments[2], HERE.parent / run.out / "best_policy.npz", KINDS[run.out.parent.name]
-        if run.state != "finished" or not best.is_file():
-            print(f"{run.out}: {run.state}, no policy")
-            continue
-        folder = Path("out/networks") / task / kind
-        stored = HERE.parent / folder / run.out.name / "best.npz"
-        stored.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(best, stored)
-        if run.out.name == "seed_0":
-            shutil.copy2(best, TRAINED / kind / f"{task}.npz")
-        folders = taken.setdefault(task, {})
-        folders[folder] = max(folders.get(folder, 0.0), best.stat().st_mtime)
-
-    def score(task: str, end: str) -> None:
-        out, names = HERE.parent / "out" / "networks" / task / end, [str(folder) for folder in taken[task]]
-        scored = out / "evaluation.json"
-        if not scored.is_file() or scored.stat().st_mtime < max(taken[task].values()):
-            beside = ["--beside", *names[1:]] if names[1:] else []
-            command(["evaluate", task, "--policy", names[0], *beside, *SCORED[end], "--episodes", str(EPISODES)], out)
-        for kind in ("json", "csv"):
-            shutil.copyfile(out / f"evaluation.{kind}", NETWORKS / f"{task}_{end}.{kind}")
-
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(score, *zip(*((task, end) for end in SCORED for task in taken))))
-    table = HERE.parent / "out" / "networks" / "tables"
-    command(["tables", "out/networks"], table)
-    rows = json.loads((table / "tables.json").read_text())
-    (TRAINED / "networks.json").write_text(json.dumps(
-        {"made_by": "robosim tables out/networks", **{key: rows[key] for key in ("runs", "code")}}, indent=1) + "\n")
-
-
-def tables(_: Path) -> None:
-    """Run the queue of the paper's tables, and store the rows of finished runs in place of earlier ones of theirs."""
-    from generators.results.learning import TRAINED
-
-    from policies.results.rows import pack_rows
-    from policies.results.tables import collect_rows
-    from policies.runs.sweep_file import load_sweep
-
-    file = HERE.parent / "configs" / "published" / "tables.yaml"
-    for task in load_sweep(file).tasks:
-        command(["rollouts", task], HERE.parent / "out" / "tables" / "rollouts" / task)
-    words = ["sweep", str(file.relative_to(HERE.parent)), "--jobs", "2"]
-    subprocess.run([sys.executable, "-m", "robosim", *words], cwd=HERE.parent, check=False)
-    rows = {}
-    for source in (TRAINED / "tables.json", HERE.parent / "out" / "tables"):  # the second takes the place of the first
-        rows |= {(row["task"], row["method"], row["seed"]): row for row in collect_rows([source])[0]}
-    stored = {"made_by": "python docs/measure.py tables", **pack_rows([rows[key] for key in sorted(rows)])}
-    (TRAINED / "tables.json").write_text(json.dumps(stored, indent=1) + "\n")
 
 
 LONG = ("networks", "tables")

@@ -125,7 +125,7 @@ def print_paper(sources: list[Path]) -> int:
         missing |= {f"{row[0]} {task}" for row in table.rows for task, cell in zip(table.head[1:], row[1:])
                     if cell == MISSING}
     print("n: runs; *: made by code that has changed since (--check says what)")
-    print(f"no run of {', '.join(sorted(missing))}; robosim sweep configs/published/tables.yaml makes them" if missing
+    print(f"no run of {', '.join(sorted(missing))}; python docs/measure.py tables makes them" if missing
           else "every cell has its runs")
     return int(bool(missing))
 

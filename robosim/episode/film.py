@@ -22,7 +22,7 @@ from robosim.episode.cameras import find_camera, make_camera
 from robosim.episode.sheet import choose_moment, find_passages, name_passage
 from robosim.recordings.appearance import build_appearance
 from robosim.recordings.reader import FILE, Recording, find_recordings
-from robosim.rendering.filament import FilamentRenderer, FilamentUnavailable, Grains, describe_device
+from robosim.rendering.filament import FilamentRenderer, FilamentUnavailable, Grains, find_device
 from robosim.rendering.grain_skin import add_grain_skin
 from robosim.rendering.renderer import RenderingUnavailable, SceneRenderer, add_mark
 from robosim.rendering.video import Mp4Writer, write_caption, write_contact_sheet
@@ -57,6 +57,11 @@ class FilmStyle(NamedTuple):
     end: float = np.inf
     """Time [s] of the last picture; a film of a part has no sheet of frames."""
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether it shows a recording from its first frame to its last."""
+        return self.begin <= 0.0 and self.end == np.inf
+
 
 EPISODE = FilmStyle(height=480)
 """How the films of episodes are drawn."""
@@ -81,7 +86,7 @@ def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = No
             name = first.path.name.removesuffix(".part").removesuffix(".rec") + ".mp4"
         try:
             frames = _draw_film(recordings, folder / name, style)
-            if first.header.kind == "rehearsal" and len(frames) and style.begin <= 0.0 and style.end == np.inf:
+            if first.header.kind == "rehearsal" and len(frames) and style.is_whole:
                 write(folder / SHEET, lambda path: write_contact_sheet(list(frames.values()), list(frames), path))
             if style.poster is not None:
                 _draw_poster(first, folder / POSTER, style)
@@ -109,13 +114,13 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
     rate = recordings[0].header.frame_rate
     with contextlib.ExitStack() as stack:
         writer: Mp4Writer | None = None
-        count = sum(len(shown_frames(recording, style)) for recording in recordings)
-        progress = stack.enter_context(Progress(total=count, desc="film", unit="frames"))
-        for recording in recordings:
+        shown = [find_frames(recording, style) for recording in recordings]
+        progress = stack.enter_context(Progress(total=sum(map(len, shown)), desc="film", unit="frames"))
+        for recording, frames in zip(recordings, shown):
             with Pictures(recording, style) as pictures:
                 writer = writer or stack.enter_context(Mp4Writer(path, fps=rate, comment=choose_renderer(style)))
                 chosen = find_passages(recording)
-                for k, frame in pictures.draw_all(shown_frames(recording, style)):
+                for k, frame in pictures.draw_all(frames):
                     time = recording.scene(k).time
                     picture = Image.fromarray(frame)
                     passed = name_passage(recording, time)
@@ -138,7 +143,7 @@ def _draw_poster(recording: Recording, path: Path, style: FilmStyle) -> None:
         write(path, lambda temporary: Image.fromarray(frame).save(temporary, format="PNG"))
 
 
-def shown_frames(recording: Recording, style: FilmStyle) -> range:
+def find_frames(recording: Recording, style: FilmStyle) -> range:
     """Return the frames of a recording between a style's times; raises ConfigError where there are none."""
     times = recording.values()[0]
     frames = range(*np.searchsorted(times, [style.begin, np.nextafter(style.end, np.inf)]).tolist())
@@ -153,7 +158,7 @@ def choose_renderer(style: FilmStyle) -> str:
     if style.renderer == "classic":
         return ""
     try:
-        return describe_device()
+        return find_device().text
     except FilamentUnavailable:
         if style.renderer == "filament":
             raise

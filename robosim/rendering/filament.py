@@ -4,6 +4,7 @@ It needs neither OpenGL nor a display. MuJoCo's module is loaded by name: earlie
 import contextlib
 import importlib
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -26,12 +27,29 @@ GRAIN_ROUGHNESS, GRAIN_SPECULAR = 0.9, 0.2
 ROOM = 1.25
 """Capacity of the mesh of grains, in what the first picture that it is too small for needs."""
 APT_COMMAND = "apt-get install -y --no-install-recommends libvulkan1 mesa-vulkan-drivers"
-DEVICES = {False: "Vulkan", True: "Vulkan on the processor"}
-"""Whether it is software -> what draws."""
+DEVICE_LINE = re.compile(r"Selected physical device '([^']*)'")
+"""What Filament writes of the device that it has chosen."""
+SOFTWARE = ("llvmpipe", "lavapipe", "swiftshader")
+"""Names of Vulkan devices that are programs."""
 
 
 class FilamentUnavailable(RobosimError, RuntimeError):
     """Filament cannot draw on this machine; the message says what is missing."""
+
+
+class Device(NamedTuple):
+    """What draws."""
+
+    is_software: bool
+    """What Filament's context is asked for."""
+    name: str
+    """As its driver gives it."""
+
+    @property
+    def text(self) -> str:
+        """Who draws and on what, as a page says it."""
+        where = " on the processor" if self.name.lower().startswith(SOFTWARE) else ""
+        return f"Filament, {self.name}{where}"
 
 
 class Grains(NamedTuple):
@@ -49,7 +67,7 @@ class FilamentRenderer:
     """Draws frames of one model, with grains or without. width, height: in pixels. Raises FilamentUnavailable."""
 
     def __init__(self, model: mujoco.MjModel, grains: Grains | None, width: int = 1280, height: int = 720) -> None:
-        is_software = find_device()
+        is_software = find_device().is_software
         self._model, self._picture = model, np.empty((height, width, 3), np.uint8)
         self._api = api = importlib.import_module("mujoco.mjrf")
         with _silence():
@@ -156,23 +174,20 @@ class GrainMesh:
 
 
 @lru_cache(maxsize=1)
-def find_device() -> bool:
-    """Return whether Filament draws on the processor, False for a card; raise FilamentUnavailable.
+def find_device() -> Device:
+    """Return the device that Filament draws on; raise FilamentUnavailable.
     A process of its own tries: where there is no device, MuJoCo ends the one that asks."""
     if mujoco.mj_version() < 4_000_000:
         raise FilamentUnavailable(f"Filament needs MuJoCo 4, and {mujoco.__version__} is installed")
-    for is_software in DEVICES:
+    for is_software in (False, True):
         script = ("from mujoco import mjrf; import mujoco.studio.window; mjrf.Context(mjrf.ContextConfig("
                   f"software_rendering={is_software}, graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKAN))")
-        if not subprocess.run([sys.executable, "-c", script], capture_output=True, timeout=60).returncode:
+        tried = subprocess.run([sys.executable, "-c", script], capture_output=True, timeout=60, text=True)
+        if not tried.returncode:
             importlib.import_module("mujoco.studio.window")  # it makes Filament's materials known
-            return is_software
+            named = DEVICE_LINE.search(tried.stdout + tried.stderr)
+            return Device(is_software, named[1] if named else "Vulkan device without a name")
     raise FilamentUnavailable(f"Filament finds no Vulkan device. On Debian or Ubuntu run: {APT_COMMAND}")
-
-
-def describe_device() -> str:
-    """Return what draws and on what, as a page says it. Raises FilamentUnavailable."""
-    return f"Filament, {DEVICES[find_device()]}"
 
 
 @contextlib.contextmanager

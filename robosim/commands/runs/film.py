@@ -22,8 +22,9 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--height", default=720, help="height of the pictures [pixels], 16 : 9")
     parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
                       "(default: when the tool empties, or is full)")
-    parser.add_number("--begin", default=0.0, help="time of the first picture [s]")
-    parser.add_number("--end", default=math.inf, help="time of the last picture [s] (default: the run's end)")
+    parser.add_number("--begin", default=0.0, help="time of the first picture [s], of each sub-task of a chain")
+    parser.add_number("--end", default=math.inf, help="time of the last picture [s], of each sub-task of a chain "
+                      "(default: the end)")
     parser.add_argument("--renderer", choices=["auto", "filament", "classic"], default="auto", help="filament: "
                         "physically based light, of MuJoCo 4 on a Vulkan device; classic: OpenGL; auto: filament where "
                         "it can draw (default: auto)")

@@ -46,6 +46,20 @@ def test_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert choose_renderer(FilmStyle()) == choose_renderer(FilmStyle(renderer="classic")) == ""
 
 
+@pytest.mark.usefixtures("no_memory")
+@pytest.mark.parametrize(("device", "text"), [
+    ("llvmpipe (LLVM 15.0.6, 256 bits)", "Filament, llvmpipe (LLVM 15.0.6, 256 bits) on the processor"),
+    ("NVIDIA H200", "Filament, NVIDIA H200")])
+def test_a_page_names_the_device_that_drew(monkeypatch: pytest.MonkeyPatch, device: str, text: str) -> None:
+    """By what Filament writes when it has chosen one: a program answers to a request for hardware, too."""
+    monkeypatch.setattr(mujoco, "mj_version", lambda: 4_000_001)
+    monkeypatch.setattr(filament.importlib, "import_module", lambda _: None)
+    said = f"Selected physical device '{device}' from 1 physical devices. (vendor 0x10005)"
+    monkeypatch.setattr(filament.subprocess, "run", lambda *_, **__: SimpleNamespace(returncode=0, stdout=said,
+                                                                                    stderr=""))
+    assert choose_renderer(FilmStyle()) == text
+
+
 def test_light_shadow_and_grains() -> None:
     """Seen from above: the plate, its shadow to the side that the light goes, and grains where they are put."""
     if not can_draw():

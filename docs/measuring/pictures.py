@@ -1,0 +1,120 @@
+"""Pictures of runs: stills, loops, sheets of frames, and pages."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from measuring.running import DOCS, ROOT, command
+
+IMAGES = DOCS / "images"
+POSTERS = {"spoon": 8.85, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
+"""Rehearsal -> time [s] of its still: grains fall, or move."""
+LOOPS = {
+    "spoon": (["rehearse", "spoon", "--no-video"], "close", 7.6),
+    "scoop": (["rehearse", "scoop", "--no-video"], "close", 2.4),
+    "bottle": (["rehearse", "bottle", "--no-video"], "close", 2.6),
+    "shovel": (["rehearse", "shovel", "--no-video"], "close", 1.6),
+    "dose_spoon": (["rehearse", "dose_spoon", "--no-video"], "close", 5.0),
+    "ur5e": (["rehearse", "spoon", "--no-video", "--set", "robot=ur5e", "--material", "sugar"], "auto", 2.6),
+    "water": (["evaluate", "ScoopPour", "--policy", "scripted", "--episodes", "1", "--material", "water",
+               "--no-video"], "task", 0.2),
+    "push": (["evaluate", "ShovelMove", "--policy", "network", "--episodes", "1", "--no-video"], "task", 0.0)}
+"""Loop of the gallery -> command whose run it shows, camera, and time [s] at which it begins."""
+LOOP_SECONDS, LOOP_RATE = 3.0, 12
+
+
+def pictures(out: Path) -> None:
+    """The still, the sheet of nine, the page of curves; small enough for a repository."""
+    from PIL import Image
+
+    IMAGES.mkdir(exist_ok=True)
+    still(out, "spoon")
+    sheet = Image.open(out / "frames.png").convert("RGB")
+    sheet.resize((1440, 810)).save(IMAGES / "spoon_sheet.jpg", quality=80, optimize=True)
+    if shutil.which("chromium") is None:
+        print("spoon_report.png is left as it is: it needs Chromium, which is not installed", file=sys.stderr)
+        return
+    picture_of_page(out / "index.html", out / "page.png")
+    curves = Image.open(out / "page.png").convert("RGB").quantize(64)
+    curves.save(IMAGES / "spoon_report.png", optimize=True)
+
+
+def draw(run: Path, out: Path, camera: str, begin: float, end: float, *more: str) -> None:
+    """Draw a part of a film by Filament. DRAW in the environment: an interpreter with MuJoCo 4, if this has not."""
+    words = ["film", str(run), "--renderer", "filament", "--camera", camera, "--height", "540", "--begin", str(begin),
+             "--end", str(end), *more]
+    subprocess.run([os.environ.get("DRAW", sys.executable), "-m", "robosim", *words, "--out", str(out)],
+                   cwd=ROOT, check=True)
+
+
+def still(run: Path, name: str) -> None:
+    """The still of a rehearsal."""
+    from PIL import Image
+
+    moment, out = POSTERS[name], run / "still"
+    draw(run, out, "auto" if name == "spoon" else "close", moment, moment + 0.1, "--poster", str(moment))
+    poster = Image.open(out / "poster.png").convert("RGB")
+    poster.resize((1280, 720), Image.Resampling.LANCZOS).save(IMAGES / f"{name}.jpg", quality=84, optimize=True)
+
+
+def gallery(out: Path) -> None:
+    """Stills of the rehearsals besides the spoon's, and the loops."""
+    for name, (words, camera, begin) in LOOPS.items():
+        run = out / name
+        command(words, run)
+        draw(run, run / "loop", camera, begin, begin + LOOP_SECONDS)
+        loop(next((run / "loop").glob("*.mp4")), IMAGES / f"{name}.webp")
+        if name in POSTERS and name != "spoon":
+            still(run, name)
+
+
+def loop(film: Path, out: Path) -> None:
+    """Write a film as a picture that moves."""
+    from PIL import Image
+
+    from robosim.rendering.video import read_frames
+
+    frames = [Image.fromarray(frame).resize((480, 270), Image.Resampling.LANCZOS)
+              for frame in read_frames(film, round(LOOP_SECONDS * LOOP_RATE))]
+    frames[0].save(out, save_all=True, append_images=frames[1:], duration=round(1000 / LOOP_RATE), loop=0, quality=60,
+                   method=6)
+
+
+def picture_of_arms(arms: Iterable[str]) -> None:
+    """Draw every arm with its hand while it digs, and without while it pours."""
+    import mujoco
+    import numpy as np
+    from PIL import Image
+
+    from robosim.config.rehearsal import load_rehearsal
+    from robosim.planning.plan import plan_motion
+    from robosim.rendering.renderer import SceneRenderer
+    from robosim.scene.build import compile_rehearsal
+
+    rows = []
+    for gripper, waypoint in ((None, "dig"), ("none", "tilt")):
+        rows.append([])
+        for arm in arms:
+            plan = plan_motion(load_rehearsal("spoon", {"robot": arm, "gripper": gripper}))
+            scene = compile_rehearsal(plan.config)
+            data, renderer = mujoco.MjData(scene.model), SceneRenderer(scene.model, 0, 440, 480)
+            data.qpos[scene.arm_qpos] = plan.motion.state(plan.path.times[waypoint]).q
+            mujoco.mj_forward(scene.model, data)
+            rows[-1].append(renderer.draw(data, None, "overview"))
+            renderer.close()
+    picture = Image.fromarray(np.concatenate([np.concatenate(row, 1) for row in rows], 0))
+    picture.resize((1440, 528), Image.Resampling.LANCZOS).save(IMAGES / "arms.jpg", quality=84, optimize=True)
+
+
+def picture_of_page(page: Path, out: Path) -> None:
+    """Draw the curves of a run's page in Chromium."""
+    script = ("<script>for (const part of document.querySelectorAll('main > *')) "
+              "if (!part.querySelector('.plotly-graph-div')) part.remove(); document.querySelector('header').remove(); "
+              "window.dispatchEvent(new Event('resize'))</script></body>")
+    cut = out.with_suffix(".html")
+    cut.write_text(page.read_text().replace("</body>", script))
+    subprocess.run(["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1180,1780",
+                    "--virtual-time-budget=8000", f"--screenshot={out}", cut.resolve().as_uri()], check=True)
