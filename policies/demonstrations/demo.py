@@ -36,7 +36,7 @@ SCRIPT = "script"
 
 def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jobs: int = 1, arm: bool = False,
                 film: bool = True, page: Callable[[Path], object] | None = None) -> int:
-    """Make demonstrations 0 to n - 1 in a folder, with their table and films; return 0.
+    """Make demonstrations 0 to n - 1 in a folder, with their table and films; return 0, or 1 where none succeeds.
     jobs: demonstrations that are searched for at the same time. arm: whether the table has what the motion asks of the
     arm's joints. page: writes a page of the folder. Raises robosim.ConfigError where the folder cannot be used,
     mpm.InvalidValue for an option that does not fit the task, or a folder with other demonstrations."""
@@ -50,13 +50,16 @@ def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jo
             shares = [range(i, n, jobs) for i in range(min(jobs, n))]
             with worker_pool(len(shares)) as pool:
                 list(pool.map(make_demonstrations, [request] * len(shares), shares))
-        write_table(request, n, env, arm=arm)
+        succeeded = write_table(request, n, env, arm=arm)
         for k in range(n if film else 0):
             film_demonstration(request, k)
         if page is not None:
             page(out)
     print(out / "demonstrations.json")
-    return 0
+    if succeeded < n:
+        print(f"{succeeded} of {n} succeed in {request.material}: more may with another --seed, --iterations above "
+              f"{options.iterations}, or --from {SCRIPT}", file=sys.stderr)
+    return int(not succeeded)
 
 
 def record_expert(task: str, out: Path, n: int, *, seed: int, **options: Any) -> int:
@@ -107,8 +110,9 @@ def count_fixed(until: float | None, task: Any, action_repeat: int, decisions: i
     return fixed
 
 
-def write_table(request: DemonstrationRequest, n: int, env: Any, *, arm: bool) -> None:
+def write_table(request: DemonstrationRequest, n: int, env: Any, *, arm: bool) -> int:
     """Write demonstrations.json for demonstrations 0 to n - 1, making those that are missing.
+    Returns how many succeed in the material of the search.
     env: the environment with the task's own material. arm: also score each motion carried out by the arm."""
     generator, rows = DemonstrationGenerator(request), []
     arm_env = request.make_environment(arm=True) if arm else None
@@ -129,6 +133,7 @@ def write_table(request: DemonstrationRequest, n: int, env: Any, *, arm: bool) -
         write_json(request.out / "demonstrations.json", {"task": request.name, "material": request.material,
                                                          "method": request.options.method, "demonstrations": rows})
         print_row(row, scores)
+    return sum(bool(row[f"in {request.material}"]["is_success"]) for row in rows)
 
 
 def arm_demands(generator: DemonstrationGenerator, start: dict[str, Any], actions: np.ndarray) -> dict[str, float]:

@@ -21,8 +21,8 @@ CLAY = "clay"
 """Material of the search where the tool is empty at the start. A fluid's surface lies below the rim of a level spoon
 that stands on the container's floor, so that there is nothing to scoop."""
 FLUID = "glycerol"
-"""Not water, which splashes: over a pour its derivatives by positions grow by four orders of magnitude, glycerol's by
-two."""
+"""Not water, which splashes, nor glycerol at 40 C, which is a fifth as viscous as at 20 C: over the pour of a spoon its
+derivatives by positions grow 200 times as much."""
 
 
 def surrogate_material(task: Any) -> str:

@@ -19,6 +19,9 @@ ATTRACTION = 0.3
 """Weight of the tool's distance to its material, as a share of the reward's total per reference distance."""
 ATTRACTION_SHARE = 0.35
 """Share of an episode in which a scooping tool is attracted; later it would follow the grains it leaves behind."""
+POURING = 6.0
+"""Weight of the height that replaces the count of poured grains. With 2, a full tool that waits above the goal loses
+less than one whose content spreads on the floor, and the search ends there."""
 CLEARANCE, COLLISION_DEPTH = 0.004, 0.01
 """Distance [m] from tool to container below which the loss grows, and depth [m] below that which costs as much as a
 collision does in the reward. A steeper slope would let a brush with the wall outweigh every gradient of the grains."""
@@ -39,7 +42,7 @@ def build_objective(task: TaskConfig) -> Loss:
     poured = find_term(task.reward, Poured)
     if poured is not None:
         plane = task.bounds.centre[2] - task.bounds.half[2]
-        per_metre = 2.0 * poured.weight / (task.steps * (task.start.position[2] - plane))
+        per_metre = POURING * poured.weight / (task.steps * (task.start.position[2] - plane))
         terms.append(Above(plane, counted, per_metre))
     turn = find_term(task.reward, Turn)
     if turn is not None:

@@ -213,6 +213,15 @@ def test_a_folder_is_locked(tmp_path):
         make(tmp_path)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("task", ["SpoonPour", "ScoopPour"])
+def test_a_search_from_rest_empties_the_tool_over_the_target(task, tmp_path):
+    """In the fluid that is searched in, and with the same motion among grains: no full tool that waits above."""
+    assert demonstrate(task, tmp_path, SearchOptions(nominal=True), n=1, film=False) == 0
+    (row,) = json.loads((tmp_path / "demonstrations.json").read_text())["demonstrations"]
+    assert row["in glycerol"]["is_success"] and row["among grains of salt"]["is_success"]
+
+
 @pytest.mark.slow
 def test_two_workers_make_the_same_demonstrations(tmp_path):
     """To the bit."""
