@@ -17,8 +17,10 @@ from policies.demonstrations.reading import PlayedDemonstration
 from robosim.rendering.video import Mp4Writer
 
 VERSION = "v3.0"
-CHUNK = "chunk-000/file-000"
-"""Place of the only file of each kind: demonstrations are far below the sizes at which datasets are divided."""
+FILES_PER_CHUNK = 1000
+FRAMES_PER_FILE = 10_000
+"""Frames after which the next episode begins a file of its own: a film of 640 x 480 then has about 100 MB, half of what
+the format allows."""
 CAMERA = "observation.images.task"
 INDICES = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
            "task_index": "int64"}
@@ -45,16 +47,20 @@ def write_lerobot_dataset(out: Path, episodes: Sequence[PlayedDemonstration], *,
 
 def _write(root: Path, episodes: Sequence[PlayedDemonstration], fps: float, task: str, robot: str, state: str) -> None:
     first = episodes[0].transitions[0]
+    lengths = np.array([len(episode.transitions) for episode in episodes])
+    ends = np.cumsum(lengths)
+    begins, file = ends - lengths, _divide(lengths)
     features: dict[str, Any] = {
         "observation.state": _feature("float32", [f"{state}_{k}" for k in range(len(first.observation))]),
         "action": _feature("float32", [f"velocity_{k}" for k in range(len(first.action))]),
         "next.reward": _feature("float32"), "next.done": _feature("bool")}
     if episodes[0].pictures is not None:
         _, height, width, _ = episodes[0].pictures.shape
-        with Mp4Writer(root / "videos" / CAMERA / f"{CHUNK}.mp4", fps, keyframes=2) as film:
-            for episode in episodes:
-                for picture in episode.pictures if episode.pictures is not None else ():
-                    film.add(picture)
+        for number in range(file[-1] + 1):
+            with Mp4Writer(root / "videos" / CAMERA / f"{_place(number)}.mp4", fps, keyframes=2) as film:
+                for shown in (episodes[k].pictures for k in np.flatnonzero(file == number)):
+                    for picture in shown if shown is not None else ():
+                        film.add(picture)
         features[CAMERA] = {"dtype": "video", "shape": [height, width, 3], "names": ["height", "width", "channels"],
                             "info": {"video.height": height, "video.width": width, "video.codec": "h264",
                                      "video.pix_fmt": "yuv420p", "video.is_depth_map": False, "video.fps": fps,
@@ -62,10 +68,8 @@ def _write(root: Path, episodes: Sequence[PlayedDemonstration], fps: float, task
     features |= {name: _feature(kind) for name, kind in INDICES.items()}
     steps = [step for episode in episodes for step in episode.transitions]
     pictures = [picture for episode in episodes if episode.pictures is not None for picture in episode.pictures]
-    lengths = np.array([len(episode.transitions) for episode in episodes])
-    ends, number = np.cumsum(lengths), np.repeat(np.arange(len(episodes)), lengths)
-    index = np.arange(len(steps))
-    frame = index - (ends - lengths)[number]
+    number, index = np.repeat(np.arange(len(episodes)), lengths), np.arange(len(steps))
+    frame = index - begins[number]
     columns = {name: np.asarray(part, features[name]["dtype"]) for name, part in {
         "observation.state": [step.observation for step in steps], "action": [step.action for step in steps],
         "next.reward": [step.reward for step in steps], "next.done": frame == lengths[number] - 1,
@@ -77,29 +81,48 @@ def _write(root: Path, episodes: Sequence[PlayedDemonstration], fps: float, task
                  for name, part in columns.items()}
         return stats | ({CAMERA: summarize_pictures(pictures[begin:end])} if pictures else {})
 
-    place = {"chunk_index": 0, "file_index": 0}
-    rows = [{"episode_index": k, "tasks": [task], "length": end - begin,
-             **{f"data/{key}": value for key, value in place.items()},
-             "dataset_from_index": begin, "dataset_to_index": end,
-             **({f"videos/{CAMERA}/{key}": value for key, value in {
-                 **place, "from_timestamp": begin / fps, "to_timestamp": end / fps}.items()} if pictures else {}),
-             **{f"stats/{name}/{key}": value for name, one in describe(begin, end).items()
-                for key, value in one.items()},
-             **{f"meta/episodes/{key}": value for key, value in place.items()}}
-            for k, (begin, end) in enumerate(zip((ends - lengths).tolist(), ends.tolist()))]
-    _write_table(root / "data" / f"{CHUNK}.parquet", {
-        name: _column(values, features[name]) for name, values in columns.items()})
-    _write_table(root / "meta" / "episodes" / f"{CHUNK}.parquet", {
+    def row_of(k: int) -> dict[str, Any]:
+        begin, end, shift = int(begins[k]), int(ends[k]), int(begins[file == file[k]][0])
+        place = dict(zip(("chunk_index", "file_index"), map(int, divmod(file[k], FILES_PER_CHUNK))))
+        row = {"episode_index": k, "tasks": [task], "length": end - begin,
+               **{f"data/{key}": value for key, value in place.items()},
+               "dataset_from_index": begin, "dataset_to_index": end}
+        if pictures:
+            times = {"from_timestamp": (begin - shift) / fps, "to_timestamp": (end - shift) / fps}
+            row |= {f"videos/{CAMERA}/{key}": value for key, value in {**place, **times}.items()}
+        return {**row, **{f"stats/{name}/{key}": value for name, one in describe(begin, end).items()
+                          for key, value in one.items()}, "meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
+
+    rows = [row_of(k) for k in range(len(episodes))]
+    for one in range(file[-1] + 1):
+        part = slice(int(begins[file == one][0]), int(ends[file == one][-1]))
+        _write_table(root / "data" / f"{_place(one)}.parquet", {
+            name: _column(values[part], features[name]) for name, values in columns.items()})
+    _write_table(root / "meta" / "episodes" / f"{_place(0)}.parquet", {
         key: pa.array([row[key] for row in rows]) for key in rows[0]})
     _write_tasks(root / "meta" / "tasks.parquet", task)
     info = {"codebase_version": VERSION, "robot_type": robot, "total_episodes": len(episodes), "total_tasks": 1,
-            "total_frames": len(steps), "chunks_size": 1000, "data_files_size_in_mb": 100,
+            "total_frames": len(steps), "chunks_size": FILES_PER_CHUNK, "data_files_size_in_mb": 100,
             "video_files_size_in_mb": 200, "fps": fps, "splits": {"train": f"0:{len(episodes)}"},
             "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
             "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
             if pictures else None, "features": features}
     (root / "meta" / "info.json").write_text(json.dumps(info, indent=4), encoding="utf-8")
     (root / "meta" / "stats.json").write_text(json.dumps(describe(0, len(steps)), indent=4), encoding="utf-8")
+
+
+def _divide(lengths: np.ndarray) -> np.ndarray:
+    """Return the number of the file (n,) of each episode, by their numbers of frames (n,)."""
+    files, frames = [0], 0
+    for length in lengths:
+        files.append(files[-1] + int(frames > 0 and frames + length > FRAMES_PER_FILE))
+        frames = int(length) + (frames if files[-1] == files[-2] else 0)
+    return np.array(files[1:])
+
+
+def _place(file: int) -> str:
+    """Return the place of a file of any kind, without its ending."""
+    return "chunk-{:03d}/file-{:03d}".format(*divmod(file, FILES_PER_CHUNK))
 
 
 def _feature(kind: str, names: list[str] | None = None) -> dict[str, Any]:

@@ -72,6 +72,15 @@ class MotionDriver:
         return self.duration
 
 
+class ReplayDriver(MotionDriver):
+    """Commands a recorded motion of its own, which follows no plan."""
+
+    name, is_own = "recording", True
+
+    def is_dosing_at(self, time: float) -> bool:
+        return True
+
+
 class OwnDriver(MotionDriver):
     """Commands what a user's object or function returns, and checks it before anything moves.
 

@@ -35,6 +35,7 @@ class Number(NamedTuple):
 
 CORES = os.cpu_count() or 1
 NUMBERS = {
+    "--episode": Number(0, 1_000_000),  # of a dataset
     "--episodes": Number(1, 1_000_000),  # of 100 actions at 0.6 s each: two years
     "--n": Number(1, 10_000),  # at 5 minutes each, a month
     "--expert": Number(1, 100_000),  # two days at 2 s each

@@ -48,13 +48,10 @@ def read_joint_log(path: Path, joints: Sequence[str], base: str = "world") -> Jo
     WrenchStamped; a wrench in the frame `world` or `base` is in the world's axes, since arms stand unturned.
     Raises ConfigError for a file without them, or with times that do not increase or have a gap."""
     if not path.exists():
-        raise ConfigError(f"{path}: does not exist; accepted: a .csv file, or a bag of ROS")
+        raise ConfigError(f"{path}: does not exist; accepted: a .csv file, a bag of ROS, or the folder of a LeRobot "
+                          f"dataset")
     is_csv = path.suffix.lower() == ".csv"
-    log = _read_csv(path, joints) if is_csv else _read_bag(path, joints, ("world", base or "world"))
-    _check_times(path, "joint angles", log.joints)
-    if log.wrench is not None:
-        _check_times(path, "wrench", log.wrench)
-    return log
+    return check_times(_read_csv(path, joints) if is_csv else _read_bag(path, joints, ("world", base or "world")))
 
 
 def _read_csv(path: Path, joints: Sequence[str]) -> JointLog:
@@ -117,8 +114,15 @@ def _samples(rows: list) -> Samples:
     return Samples(table[:, 0], table[:, 1:])
 
 
-def _check_times(path: Path, what: str, samples: Samples) -> None:
-    """Raise ConfigError unless samples are finite, enough, and in order without a gap."""
+def check_times(log: JointLog) -> JointLog:
+    """Return a log; raise ConfigError unless its samples are finite, enough, and in order without a gap."""
+    for what, samples in (("joint angles", log.joints), ("wrench", log.wrench)):
+        if samples is not None:
+            _check_samples(log.path, what, samples)
+    return log
+
+
+def _check_samples(path: Path, what: str, samples: Samples) -> None:
     times = samples.times
     if len(times) < LEAST_SAMPLES:
         raise ConfigError(f"{path}: {what}: {len(times)} samples; accepted: at least {LEAST_SAMPLES}")

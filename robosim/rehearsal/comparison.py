@@ -84,15 +84,18 @@ def joint_differences(replay: RecordedMotion) -> tuple[np.ndarray, np.ndarray]:
 
 
 def replay_figures(replay: RecordedMotion, comparison: WrenchComparison | None, arm: Arm) -> dict[str, object]:
-    """Return the report's figures of a replay."""
-    times, difference = joint_differences(replay)
-    tool = max(float(np.linalg.norm(arm.tool_pose(replay.state(t).q).position
-                                    - arm.tool_pose(replay.planned.state(t).q).position)) for t in times[::5])
+    """Return the report's figures of a replay; one of its own motion is compared in duration and wrench alone."""
     figures: dict[str, object] = {
         "recorded": str(replay.log.path), "recorded_clock_offset_s": replay.offset,
-        "recorded_joint_difference_max_deg": float(np.degrees(np.abs(difference).max())),
-        "recorded_joint_difference_rms_deg": float(np.degrees(np.sqrt(np.mean(difference**2)))),
-        "recorded_tool_difference_max_m": tool}
+        "recorded_duration_s": replay.duration, "planned_duration_s": replay.planned.duration}
+    if not replay.is_own:
+        times, difference = joint_differences(replay)
+        figures |= {
+            "recorded_joint_difference_max_deg": float(np.degrees(np.abs(difference).max())),
+            "recorded_joint_difference_rms_deg": float(np.degrees(np.sqrt(np.mean(difference**2)))),
+            "recorded_tool_difference_max_m": max(float(np.linalg.norm(
+                arm.tool_pose(replay.state(t).q).position - arm.tool_pose(replay.planned.state(t).q).position))
+                for t in times[::5])}
     if comparison is None:
         return figures
     error = comparison.recorded - comparison.simulated
@@ -111,9 +114,13 @@ def replay_figures(replay: RecordedMotion, comparison: WrenchComparison | None, 
 def replay_charts(replay: RecordedMotion, comparison: WrenchComparison | None, names: Sequence[str],
                   grasp_time: float) -> list[Chart]:
     """Return the charts of a replay; names: of the joints."""
-    times, difference = joint_differences(replay)
-    charts = [Chart("recorded less planned joint angle [deg]", [
-        Curve(name, times + grasp_time, np.degrees(difference[:, k])) for k, name in enumerate(names)])]
+    if replay.is_own:
+        times = np.arange(0.0, replay.duration, 0.01)
+        title, angles = "recorded joint angle [deg]", np.array([replay.state(t).q for t in times])
+    else:
+        title, (times, angles) = "recorded less planned joint angle [deg]", joint_differences(replay)
+    charts = [Chart(title, [
+        Curve(name, times + grasp_time, np.degrees(angles[:, k])) for k, name in enumerate(names)])]
     if comparison is not None:
         for first, what, unit in ((0, "force", "N"), (3, "torque", "N m")):
             both = (("simulated", comparison.simulated, False), ("recorded", comparison.recorded, True))

@@ -8,8 +8,10 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import butter, sosfiltfilt
 
 from robosim.base.errors import ConfigError
+from robosim.cell.drivers import LONGEST
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.conversion.joint_log import JointLog, read_joint_log
+from robosim.conversion.joint_log import JointLog, check_times, read_joint_log
+from robosim.conversion.lerobot_log import is_lerobot, read_lerobot
 from robosim.robot.model import Arm
 from robosim.robot.ros_trajectory import name_joints
 from robosim.robot.timing import JointMotion, JointState
@@ -36,14 +38,16 @@ KEPT_AFTER = 1.0
 
 class RecordedMotion:
     """Recorded joint angles as a motion, which the servo is given in place of the planned one.
-    log: of the arm; planned: the motion that it is compared with, from whose start time counts. Raises ConfigError
-    for angles beyond the joints' limits, and for a recording of something else."""
+    log: of the arm; planned: the motion that it is compared with, from whose start time counts. is_own: whether it is
+    a motion of its own, played from its first sample to its last, which follows no plan. Raises ConfigError for angles
+    beyond the joints' limits, and for a recording of something else."""
 
     delay = 0.0
     """Of the limits: none."""
 
-    def __init__(self, log: JointLog, planned: JointMotion, arm: Arm, config: RehearsalConfig) -> None:
-        self.log, self.planned = log, planned
+    def __init__(self, log: JointLog, planned: JointMotion, arm: Arm, config: RehearsalConfig,
+                 is_own: bool = False) -> None:
+        self.log, self.planned, self.is_own = log, planned, is_own
         times, angles = log.joints
         self._rest = np.zeros(angles.shape[1])
         beyond = np.maximum(arm.lower - angles, angles - arm.upper)
@@ -52,24 +56,26 @@ class RecordedMotion:
             name = name_joints(arm.joints, config.joint_trajectory)[joint]
             raise ConfigError(f"{log.path}: joint {name} is at {angles[row, joint]:.4f} rad at {times[row]:.3f} s; "
                               f"accepted: {arm.lower[joint]:.4f} to {arm.upper[joint]:.4f} rad")
-        if times[-1] - times[0] < planned.duration - 2.0 * LACKING:
+        if is_own and times[-1] - times[0] > LONGEST:
+            raise ConfigError(f"{log.path}: {times[-1] - times[0]:.2f} s long; accepted: up to {LONGEST:g} s")
+        if not is_own and times[-1] - times[0] < planned.duration - 2.0 * LACKING:
             raise ConfigError(f"{log.path}: {times[-1] - times[0]:.2f} s long; accepted: the whole planned motion of "
                               f"{planned.duration:.2f} s")
         grid = np.arange(times[0], times[-1], 1.0 / RATE)
         even = CubicSpline(times, angles)(grid)
         filtered = sosfiltfilt(butter(2, CUTOFF, fs=RATE, output="sos"), even, axis=0, padlen=min(60, len(grid) - 1))
-        self.offset, apart = find_offset(grid, filtered, planned)
-        """Time of the recording's clock at the start of the planned motion [s]."""
+        self.offset, apart = (float(times[0]), 0.0) if is_own else find_offset(grid, filtered, planned)
+        """Time of the recording's clock at the start of the motion [s]."""
         if apart > FOLLOWS:
             raise ConfigError(f"{log.path}: does not follow the planned motion: at best its joints are {apart:.0%} of "
                               f"the motion's own size (rms) from it; accepted: up to {FOLLOWS:.0%}, a recording of "
                               f"this motion at its speed")
         self._spline = make_interp_spline(grid - self.offset, filtered, k=5)
         self._begin, end = float(grid[0] - self.offset), float(grid[-1] - self.offset)
-        if self._begin > LACKING or end < planned.duration - LACKING:
+        if not is_own and (self._begin > LACKING or end < planned.duration - LACKING):
             raise ConfigError(f"{log.path}: has {self._begin:.2f} to {end:.2f} s of the planned motion; accepted: all "
                               f"of it, 0 to {planned.duration:.2f} s")
-        self.duration = min(end, planned.duration + KEPT_AFTER)
+        self.duration = end if is_own else min(end, planned.duration + KEPT_AFTER)
 
     def state(self, time: float) -> JointState:
         """Return the joint state at a time [s] since the planned motion's start; at rest before and after it."""
@@ -79,9 +85,14 @@ class RecordedMotion:
         return JointState(*(self._spline(time, nu=order) for order in range(3)))
 
 
-def read_log(path: Path, config: RehearsalConfig) -> JointLog:
-    """Read what the arm recorded; its joints are called as the exported trajectory calls them. Raises ConfigError."""
+def read_log(path: Path, config: RehearsalConfig, episode: int = 0) -> JointLog:
+    """Read what the arm recorded; its joints are called as the exported trajectory calls them.
+    episode: of a LeRobot dataset. Raises ConfigError."""
     names = name_joints(assemble_rehearsal(config).robot.joints, config.joint_trajectory)
+    if is_lerobot(path):
+        return check_times(read_lerobot(path, names, episode))
+    if episode:
+        raise ConfigError(f"--episode {episode} with {path}; accepted: with a folder of a LeRobot dataset")
     return read_joint_log(path, names, config.joint_trajectory.frame_id)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.cell.cell import Cell
-from robosim.cell.drivers import MotionDriver, OwnDriver, RobotState
+from robosim.cell.drivers import MotionDriver, OwnDriver, ReplayDriver, RobotState
 from robosim.config.materials import MaterialConfig, load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.lip_motion import dose_cup
@@ -98,6 +98,8 @@ class RehearsalRun:
         """Make what commands the joints: a user's own driver, the plan with a dose, or the plan or recording alone."""
         config, motion, arm = self.config, self.plan.motion, self.plan.arm
         late = 0.0 if self.errors is None else self.errors.latency
+        if self.replay is not None and self.replay.is_own:
+            return ReplayDriver(motion, config.grasp_time, late)
         if config.dose is None:
             if hasattr(own, "begin") and not isinstance(own, type):
                 own.begin(self)
@@ -132,7 +134,10 @@ class RehearsalRun:
 
     def passages(self) -> list[tuple[float, str]]:
         """Return simulated times [s] and names of the waypoints that are passed at known times, in order.
-        With a dose those up to it, and the dose itself: it decides when the arm goes on. Once it is over, all."""
+        With a dose those up to it, and the dose itself: it decides when the arm goes on. Once it is over, all.
+        A recorded motion of its own passes none."""
+        if self.replay is not None and self.replay.is_own:
+            return []
         times = [(self.config.grasp_time + time, name) for name, time in self.plan.path.times.items()]
         if not isinstance(self.driver, DosingDriver):
             return sorted(times)

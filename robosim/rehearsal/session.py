@@ -70,6 +70,10 @@ class RunOptions(NamedTuple):
     recorded: Path | None = None
     """What the real arm recorded of the motion (see `robosim.conversion.joint_log`), which is played in the plan's
     place and compared with it."""
+    episode: int = 0
+    """Of what was recorded, where that is a LeRobot dataset."""
+    is_unplanned: bool = False
+    """Whether what was recorded is a motion of its own, which follows no plan."""
     model_errors: int | None = None
     """Seed of errors by which the robot differs from its model; None: it does not."""
     driver: Any = None
@@ -141,7 +145,12 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
     Input is checked before any work; raises ConfigError. Files are complete however the run ends. The motion for the
     real robot is written last, and only where every bound was held."""
     material, film = load_material(config.material), options.film
-    log = None if options.recorded is None else read_log(options.recorded, config)
+    if options.recorded is None and (options.episode or options.is_unplanned):
+        raise ConfigError("--episode or --unplanned without --recorded; accepted: with it")
+    log = None if options.recorded is None else read_log(options.recorded, config, options.episode)
+    if options.is_unplanned and config.weigh_at is not None:
+        print(f"nothing is weighed: the motion does not pass the waypoint {config.weigh_at!r}", file=sys.stderr)
+        config = config.model_copy(update={"weigh_at": None})
     if film is not None:
         find_camera(compile_rehearsal(config).model, film.camera or AUTO)
     with OutputFolder(out) as folder:
@@ -216,7 +225,7 @@ def _prepare(config: RehearsalConfig, options: RunOptions, log: JointLog | None)
     planned = clock.perf_counter()
     if plan.approach is None:
         print(f"no motion from home to the start: {plan.no_approach}", file=sys.stderr)
-    replay = None if log is None else RecordedMotion(log, plan.motion, plan.arm, config)
+    replay = None if log is None else RecordedMotion(log, plan.motion, plan.arm, config, options.is_unplanned)
     print("preparing grains and robot (the first run of a scene compiles for a minute or more) ...", file=sys.stderr)
     errors = None if options.model_errors is None else draw_model_errors(options.model_errors, len(plan.arm.lower))
     run = RehearsalRun(plan, seed=options.seed, replay=replay, errors=errors, driver=options.driver)

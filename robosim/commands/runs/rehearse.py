@@ -16,7 +16,8 @@ EXAMPLE = """examples:
   robosim rehearse bottle --trajectory recorded --out out/bottle
   robosim rehearse shovel --policy out/networks/ShovelMove/dagger/seed_0 --out out/push
   robosim rehearse spoon --perturb 8 --jobs 2 --out out/robust
-  robosim rehearse spoon --recorded real.mcap --out out/real"""
+  robosim rehearse spoon --recorded real.mcap --out out/real
+  robosim rehearse dose.yaml --recorded datasets/dose --episode 3 --unplanned --out out/replay"""
 
 
 def add_parser(commands: Any) -> None:
@@ -37,7 +38,11 @@ def add_parser(commands: Any) -> None:
                         "training run")
     parser.add_argument("--recorded", type=Path, metavar="FILE", help="play what the real arm recorded of the motion, "
                         "and compare its joint angles with the plan, its wrist wrench with the simulated one: a .csv "
-                        "file with columns as in trajectory.csv, or a bag of ROS with JointState and WrenchStamped")
+                        "file with columns as in trajectory.csv, a bag of ROS with JointState and WrenchStamped, or "
+                        "the folder of a LeRobot dataset of version 3")
+    parser.add_number("--episode", default=0, help="with --recorded: episode of a LeRobot dataset")
+    parser.add_argument("--unplanned", action="store_true", help="with --recorded: a motion of its own, such as of "
+                        "another robot's program, played from its first sample to its last")
     parser.add_argument("--grasp", choices=["weld", "friction"], help="tool welded to the hand, or held by the fingers "
                         "alone (default: what the file says)")
     parser.add_argument("--camera", default=AUTO, help=f"camera of the video: {one_of((*FRAMING, *CAMERAS), '')}")
@@ -85,15 +90,15 @@ def run(options: argparse.Namespace) -> int:
 
             driver = PolicyDriver(options.policy, check_rehearsal(rehearsal, trajectory="recorded"))
         given = RunOptions(None if options.no_video else film, options.frame_rate, options.seed, options.recorded,
-                           options.model_errors, driver)
+                           options.episode, options.unplanned, options.model_errors, driver)
         return rehearse(rehearsal, options.out, given, force_export=options.force_export, material=options.material,
                         grasp=options.grasp, trajectory=options.trajectory, motions=options.motions)
 
 
 def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:
     """Run the rehearsal with the exact model and with errors of it."""
-    refuse(options, "with --perturb; accepted: without", recorded=None, model_errors=None, poster=None, camera=AUTO,
-           frame_rate=20, height=720, field_threads=1)
+    refuse(options, "with --perturb; accepted: without", recorded=None, episode=0, unplanned=False, model_errors=None,
+           poster=None, camera=AUTO, frame_rate=20, height=720, field_threads=1)
     from robosim.studies.robustness.perturbed_runs import perturb
 
     chosen = {name: getattr(options, name) for name in ("material", "grasp", "trajectory", "seed")}

@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 import mpm
+from policies.demonstrations import lerobot_dataset
 from policies.demonstrations.export import export_lerobot
+from policies.demonstrations.reading import PlayedDemonstration
 from policies.learning.environments import make_environment
-from robosim.episode.play import run_episode
+from robosim.episode.play import Transition, run_episode
 
 TASK, REPEAT = "SpoonTranslate", 100
 READ = """
@@ -90,6 +92,26 @@ def test_lerobot_opens_it(dataset: tuple[Path, Path]) -> None:
     assert np.allclose(read["actions"], [t.action for t in transitions])
     assert np.allclose(read["states"], [t.observation for t in transitions], atol=1e-6)
     assert np.allclose(read["action_mean"], np.mean(read["actions"], 0), atol=1e-6) and min(read["means"]) > 0.1
+
+
+def test_long_datasets_are_divided_between_episodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three episodes of which two fit into a file: every row says in which file, and from when on in its film."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    monkeypatch.setattr(lerobot_dataset, "FRAMES_PER_FILE", 21)
+    steps = [Transition(np.full(2, k), np.full(2, k), np.full(3, k), 0.0, False, {}) for k in range(10)]
+    pictures = np.random.default_rng(0).integers(0, 255, (10, 48, 64, 3), np.uint8)
+    lerobot_dataset.write_lerobot_dataset(tmp_path / "set", [PlayedDemonstration("one", 0, steps, pictures)] * 3,
+                                          fps=5.0, task="pour", robot="spoon", state="flat")
+    rows = pq.read_table(tmp_path / "set" / "meta" / "episodes").to_pydict()
+    assert rows["data/file_index"] == rows["videos/observation.images.task/file_index"] == [0, 0, 1]
+    assert rows["videos/observation.images.task/from_timestamp"] == [0.0, 2.0, 0.0]
+    assert rows["dataset_from_index"] == [0, 10, 20]
+    for number, frames in ((0, 20), (1, 10)):
+        table = pq.read_table(tmp_path / "set" / "data" / "chunk-000" / f"file-{number:03d}.parquet").to_pydict()
+        assert len(table["index"]) == frames and table["index"][0] == 20 * number
+        film = tmp_path / "set" / "videos" / "observation.images.task" / "chunk-000" / f"file-{number:03d}.mp4"
+        with av.open(str(film)) as opened:
+            assert sum(1 for _ in opened.decode(video=0)) == frames
 
 
 def test_what_exists_is_not_replaced(dataset: tuple[Path, Path]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from bundled import write_short
 from scipy.spatial.transform import Rotation
 
 from robosim.base.errors import ConfigError
@@ -93,6 +94,35 @@ def test_an_approach_before_the_motion_is_no_part_of_it(plan: Plan, tmp_path: Pa
     assert motion.offset == pytest.approx(approach + wait, abs=5e-3)
     assert motion.duration < plan.motion.duration + 1.1
     np.testing.assert_allclose(motion.state(-plan.config.grasp_time).q, plan.motion.state(0.0).q, atol=1e-3)
+
+
+@pytest.mark.long
+def test_a_motion_of_its_own_is_played_from_a_dataset(plan: Plan, tmp_path: Path) -> None:
+    """Ten angles a second of a robot that does something else: it is followed, and compared in duration and wrench."""
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    names, times = [f"A{k}.pos" for k in range(1, 8)], np.arange(0.0, 2.55, 0.1)
+    angles = plan.motion.state(0.0).q + 0.1 * np.sin(np.pi * times / 2.5)[:, None] ** 2
+    folder = tmp_path / "set"
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta" / "info.json").write_text(json.dumps({
+        "codebase_version": "v3.0", "total_episodes": 1, "features": {
+            "observation.state": {"dtype": "float32", "shape": [7], "names": names},
+            "observation.force": {"dtype": "float32", "shape": [6], "names": ["fx", "fy", "fz", "tx", "ty", "tz"]}}}))
+    (folder / "data").mkdir()
+    pq.write_table(pa.table({"timestamp": times, "episode_index": np.zeros(len(times), int), "observation.state":
+                             angles.tolist(), "observation.force": [[0.0, 0.0, 10.0, 0.0, 0.0, 0.0]] * len(times)}),
+                   folder / "data" / "file-000.parquet")
+    file = str(write_short(tmp_path / "short.yaml"))
+    assert main(["rehearse", file, "--recorded", str(folder), "--unplanned", "--no-video", "--out",
+                 str(tmp_path / "out")]) == 1  # it delivers nothing
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["trajectory"] == "replay" and report["driver"] == "recording"
+    assert report["recorded_duration_s"] == pytest.approx(2.5, abs=0.01)
+    assert report["tool_tracking_error_max_m"] < 3e-3 and "recorded_joint_difference_max_deg" not in report
+    assert report["recorded_force_difference_rms_N"] > 0.0
+    rows = np.genfromtxt(tmp_path / "out" / "trajectory.csv", delimiter=",", names=True)
+    middle = np.searchsorted(rows["time_s"], 1.25 + load_rehearsal(file).grasp_time)
+    assert rows["q_A1_rad"][middle] == pytest.approx(plan.motion.state(0.0).q[0] + 0.1, abs=0.01)
 
 
 def test_recordings_of_something_else_are_refused(plan: Plan, tmp_path: Path) -> None:
