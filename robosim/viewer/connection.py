@@ -1,8 +1,10 @@
 """What the viewer's server takes from its clients: requests of its own page, and values that its controls can have."""
 
+import contextlib
 import re
 import sys
 from typing import Any
+from urllib.parse import parse_qs
 
 import msgspec
 import viser
@@ -26,6 +28,8 @@ class ViewerConnection(ServerConnection):
     """A connection that refuses what other pages ask for, and leaves out messages that would stop the viewer."""
 
     gui: viser.GuiApi | None = None
+    asked: float | None = None
+    """Time [s] of the last bookmark that was opened, until it is shown; the class has it: all pages have one clock."""
 
     async def handshake(self, process_request: Any = None, *rest: Any) -> None:
         """Perform the opening handshake; 400, 403 or 404 for requests that are no page's."""
@@ -41,6 +45,8 @@ class ViewerConnection(ServerConnection):
             return self.respond(403, "only the viewer's own page is served, at http://127.0.0.1 or http://localhost\n")
         if max(map(len, request.path.partition("?")[0].split("/"))) > 255:  # no file has such a name; viser looks it up
             return self.respond(404, "not found\n")
+        if (time := read_time(request.path)) is not None:
+            type(self).asked = time
         return None
 
     async def recv(self, decode: bool | None = None) -> Any:
@@ -50,6 +56,13 @@ class ViewerConnection(ServerConnection):
             if not (fault := find_fault(message, self.gui)):
                 return message
             print(f"robosim view: ignored from a page: {fault}", file=sys.stderr, flush=True)
+
+
+def read_time(target: str) -> float | None:
+    """Return the time [s] of a bookmark, by what a page asks for (`/?time=7.6`); None without one."""
+    with contextlib.suppress(KeyError, ValueError):
+        return float(parse_qs(target.partition("?")[2])["time"][0])
+    return None
 
 
 def find_fault(raw: Any, gui: viser.GuiApi | None) -> str:

@@ -14,6 +14,8 @@ from robosim.viewer.charts import History
 
 COMMANDED, REACHED, FORCE, PLACE, INSIDE = (40, 110, 220), (230, 120, 20), (200, 30, 60), (30, 140, 80), (120, 60, 170)
 """RGB of the lines."""
+LABEL_ROOM = 0.05
+"""Distance [m] of two waypoints that a label each needs."""
 LONGEST, LEAST_SCALE = 0.2, 0.05
 """Length [m] of the arrow of the largest force of the grains, and the force [N] that counts as the largest at least."""
 OVERLAYS: tuple[str, ...] = ("path", "force", "regions", "inside of the tool", "waypoints")
@@ -42,10 +44,11 @@ class Overlays:
             self._nodes["inside of the tool" if region.body else "regions"].append(lines)
             self._regions.append((region, lines))
         for point in header.waypoints:
-            node = f"/overlays/waypoints/{point.name}"
-            self._nodes["waypoints"] += [
-                scene.add_icosphere(node, 0.004, COMMANDED, position=np.array(point.position), visible=False),
-                scene.add_label(f"{node}/name", point.name, visible=False)]
+            node, place = f"/overlays/waypoints/{point.name}", np.array(point.position)
+            self._nodes["waypoints"].append(scene.add_icosphere(node, 0.004, COMMANDED, position=place, visible=False))
+        for name, place in join_labels([(point.name, np.array(point.position)) for point in header.waypoints]):
+            self._nodes["waypoints"].append(scene.add_label(f"/overlays/labels/{name}", name, position=place,
+                                                            visible=False))
 
     def set_visible(self, kind: str, visible: bool) -> None:
         """Show or hide an overlay."""
@@ -77,6 +80,18 @@ class Overlays:
         else:
             self._drawn[kind] = make()
             self._nodes[kind].append(self._drawn[kind])
+
+
+def join_labels(points: list[tuple[str, np.ndarray]]) -> list[tuple[str, np.ndarray]]:
+    """Return labels and their places (3,) [m]: names of points so close that they would cover each other share one."""
+    labels: list[tuple[list[str], np.ndarray]] = []
+    for name, place in points:
+        near = next((names for names, there in labels if np.linalg.norm(there - place) < LABEL_ROOM), None)
+        if near is None:
+            labels.append(([name], place))
+        else:
+            near.append(name)
+    return [(", ".join(names), place) for names, place in labels]
 
 
 def join(points: np.ndarray) -> np.ndarray:

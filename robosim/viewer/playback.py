@@ -10,7 +10,8 @@ from robosim.recordings.header import CameraEntry
 from robosim.recordings.reader import Recording
 from robosim.viewer.charts import Charts, History
 from robosim.viewer.overlays import OVERLAYS
-from robosim.viewer.scene_view import COLOURINGS, LEGENDS, SceneView, aim_first_camera
+from robosim.viewer.scene_view import COLOURINGS, SceneView, aim_first_camera
+from robosim.viewer.server import take_asked_time
 
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
 PERIOD, REFRESH, CAMERA_PERIOD, CURSOR_PERIOD = 0.02, 0.5, 0.1, 0.4
@@ -77,6 +78,10 @@ class Playback:
             self.refresh()
             if self._is_following and len(self.history.times):
                 self.seek(self.history.times[-1])
+        asked = take_asked_time(self.server)
+        if asked is not None and np.isfinite(asked):
+            self._is_following, self._play.value = False, False
+            self.seek(asked)
         times = self.history.times
         if not self._play.value and clock.monotonic() - self._looked > CAMERA_PERIOD:
             self._looked = clock.monotonic()
@@ -103,6 +108,8 @@ class Playback:
         with gui.add_folder("camera"):
             for camera in header.cameras:
                 gui.add_button(camera.name).on_click(lambda event, camera=camera: self._aim(event.client, camera))
+            gui.add_button("bookmark").on_click(lambda event: self._mark(event.client))
+            self._bookmark = gui.add_markdown("")
         self._slider.on_update(self._scrub)
         self._colour.on_update(self._recolour)
         for name, box in boxes.items():
@@ -114,16 +121,30 @@ class Playback:
             self.seek(event.target.value)
 
     def _recolour(self, event: Any) -> None:
-        self._legend.content = LEGENDS[event.target.value]
         self.view.recolour(event.target.value)
+        self._legend.content = self.view.legend
 
     def _toggle(self, name: str, visible: bool) -> None:
         self.view.overlays.set_visible(name, visible)
         if self.view.frame >= 0:
             self.view.show(self.view.frame)
 
+    def _mark(self, client: viser.ClientHandle | None) -> None:
+        """Give the link that opens the page at this time and with this camera."""
+        if client is not None:
+            link = make_bookmark(self._now, client.camera)
+            self._bookmark.content = f"[{self._now:.2f} s, this camera]({link})"
+
     @staticmethod
     def _aim(client: viser.ClientHandle | None, camera: CameraEntry) -> None:
         if client is not None:
             client.camera.position, client.camera.look_at = np.array(camera.position), np.array(camera.target)
             client.camera.fov = np.radians(camera.fov_deg)
+
+
+def make_bookmark(time: float, camera: Any) -> str:
+    """Return the address of a view, relative to the page: a time [s], which the server reads, and a camera of viser's,
+    which the page reads itself."""
+    place, target = (",".join(f"{value:.4f}" for value in part) for part in (camera.position, camera.look_at))
+    return f"?time={time:.3f}&initialCameraPosition={place}&initialCameraLookAt={target}&" \
+           f"initialCameraFov={float(camera.fov):.4f}"

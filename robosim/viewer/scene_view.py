@@ -8,7 +8,7 @@ import viser
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.recordings.frames import PRESSURES, SPEEDS, GrainState, SceneState
+from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import CameraEntry, find_placed
 from robosim.recordings.reader import Recording
 from robosim.rendering.grain_skin import find_surface
@@ -18,12 +18,13 @@ from robosim.viewer.overlays import Overlays
 Colouring = Literal["material", "speed", "pressure", "awake", "outside"]
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 LEGENDS: dict[str, str] = {
-    "material": "", "speed": "speed: dark 1 mm/s, bright 1 m/s", "pressure": "pressure: dark 10 Pa, bright 100 kPa",
+    "material": "", "speed": "speed: dark {} m/s, bright {} m/s", "pressure": "pressure: dark {} Pa, bright {} Pa",
     "awake": "blue: asleep, not computed", "outside": "red: outside of tool and places",
 }
-"""Colouring -> what its colours mean."""
-SPEED_RANGE, PRESSURE_RANGE = (SPEEDS[0], 1.0), (10.0, PRESSURES[1] / 10.0)
-"""Values of the darkest and the brightest colour [m/s], [Pa]."""
+"""Colouring -> what its colours mean; {}: values of the darkest and the brightest."""
+SAMPLED, SHARE, DECADES = 12, 0.995, 3
+"""Frames of a recording that give the range of a quantity, the share of grains below its brightest colour, and the
+decades below that to its darkest."""
 ASLEEP, OUTSIDE = (64, 97, 158), (214, 48, 32)
 """RGB of grains that sleep, and of those outside of all places."""
 SHADES = 0.16
@@ -53,12 +54,13 @@ class GrainColours:
         self._tables = {colouring: (255 * matplotlib.colormaps[name](np.linspace(0, 1, 256))[:, :3]).astype(np.uint8)
                         for colouring, name in (("speed", "viridis"), ("pressure", "inferno"))}
 
-    def colours(self, grains: GrainState, colouring: str, placed: np.ndarray | None = None) -> np.ndarray:
-        """Return colours (n, 3), uint8; placed (n,): which grains are in the tool or a place."""
-        if colouring in ("speed", "pressure"):  # on a logarithmic scale
-            values, (low, high) = (grains.speeds, SPEED_RANGE) if colouring == "speed" else \
-                (grains.pressures, PRESSURE_RANGE)
-            share = np.log(np.clip(values, low, high) / low) / np.log(high / low)
+    def colours(self, grains: GrainState, colouring: str, placed: np.ndarray | None = None,
+                limits: tuple[float, float] = (0.0, 1.0)) -> np.ndarray:
+        """Return colours (n, 3), uint8; placed (n,): which grains are in the tool or a place. limits: values of the
+        darkest and the brightest colour."""
+        if colouring in self._tables:  # on a logarithmic scale
+            low, high = limits
+            share = np.log(np.clip(quantity(grains, colouring), low, high) / low) / np.log(high / low)
             return self._tables[colouring][(255 * share).astype(np.uint8)]
         marked = {"awake": (~grains.awake, ASLEEP), "outside": (None if placed is None else ~placed, OUTSIDE)}
         chosen, colour = marked.get(colouring, (None, ASLEEP))
@@ -67,6 +69,19 @@ class GrainColours:
         result = self._material.copy()
         result[chosen] = colour
         return result
+
+
+def quantity(grains: GrainState, colouring: str) -> np.ndarray:
+    """Return the values (n,) that grains are coloured by."""
+    return grains.speeds if colouring == "speed" else grains.pressures
+
+
+def find_limits(recording: Recording, colouring: str) -> tuple[float, float]:
+    """Return the values of the darkest and the brightest colour of a recording: decades, by some of its frames."""
+    frames = np.unique(np.linspace(0, len(recording) - 1, SAMPLED).astype(int))
+    largest = max(float(np.quantile(quantity(recording.grains(int(k)), colouring), SHARE)) for k in frames)
+    high = 10.0 ** np.ceil(np.log10(max(largest, 1e-6)))
+    return high / 10.0**DECADES, high
 
 
 class Sight(NamedTuple):
@@ -147,6 +162,7 @@ class SceneView:
         self._centre = (np.array(header.lower) + header.upper) / 2.0
         self._colours = GrainColours(header.grains, header.colour)
         self._grains, self._sight = None, None
+        self._limits: dict[str, tuple[float, float]] = {}
         if header.grains:
             self._grains = server.scene.add_point_cloud(
                 "/grains", np.zeros((header.grains, 3)), np.zeros((header.grains, 3), np.uint8), position=self._centre,
@@ -176,8 +192,15 @@ class SceneView:
     def recolour(self, colouring: str) -> None:
         """Colour the grains otherwise; raises KeyError for no colouring."""
         self.colouring = colouring
+        if colouring in ("speed", "pressure") and len(self.recording):
+            self._limits[colouring] = find_limits(self.recording, colouring)
         if self.frame >= 0:
             self._show_grains(self.recording.grains(self.frame), self.body_poses(self.recording.scene(self.frame)))
+
+    @property
+    def legend(self) -> str:
+        """What the colours mean."""
+        return LEGENDS[self.colouring].format(*(f"{value:g}" for value in self._limits.get(self.colouring, ())))
 
     def body_poses(self, scene: SceneState) -> dict[str, mpm.Pose]:
         """Return the world poses of the moving bodies."""
@@ -188,7 +211,8 @@ class SceneView:
             return
         regions = self.recording.header.regions
         placed = find_placed(regions, poses, grains.positions) if self.colouring == "outside" else None
-        colours = self._colours.colours(grains, self.colouring, placed)
+        limits = self._limits.get(self.colouring, (0.0, 1.0))
+        colours = self._colours.colours(grains, self.colouring, placed, limits)
         radius = self.recording.header.grain_radius
         seen, _ = find_surface(grains.positions, CELL_IN_RADII * radius)
         self._sight = read_sight(self.server)

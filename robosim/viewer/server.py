@@ -5,6 +5,7 @@ import io
 import logging
 from functools import partial
 from unittest import mock
+from weakref import WeakKeyDictionary
 
 import viser
 import websockets.asyncio.server as websocket_server
@@ -15,11 +16,16 @@ from robosim.viewer.charts import History
 from robosim.viewer.connection import ViewerConnection
 from robosim.viewer.scene_view import SceneView, aim_first_camera
 
+KINDS: WeakKeyDictionary[viser.ViserServer, type[ViewerConnection]] = WeakKeyDictionary()
+"""Server -> class of its connections."""
+
 
 def open_server(port: int = PORT) -> tuple[viser.ViserServer, str]:
     """Serve an empty scene; return the server and its address. Raises ConfigError for a port that is in use."""
     check_port(port)
-    return start_server(port), f"http://{LOCAL}:{port}"
+    server = start_server(port)
+    server.gui.main_panel.dock_right()  # beside the scene, not over it
+    return server, f"http://{LOCAL}:{port}"
 
 
 def start_server(port: int | None = None) -> viser.ViserServer:
@@ -32,8 +38,15 @@ def start_server(port: int | None = None) -> viser.ViserServer:
         server = viser.ViserServer(host=LOCAL, port=free_port() if port is None else port, verbose=False)
     if not used.called:  # viser has no parameter for it
         raise RuntimeError(f"viser {viser.__version__} starts its server otherwise; its clients cannot be checked")
-    kind.gui = server.gui
+    kind.gui, KINDS[server] = server.gui, kind
     return server
+
+
+def take_asked_time(server: viser.ViserServer) -> float | None:
+    """Return the time [s] of a bookmark that was opened since the last call; None without one."""
+    kind = KINDS[server]
+    asked, kind.asked = kind.asked, None
+    return asked
 
 
 def stop_server(server: viser.ViserServer) -> None:

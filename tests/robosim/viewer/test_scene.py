@@ -1,7 +1,9 @@
 """Scenes in a browser: what is drawn of a recording, and which grains a camera sees."""
 
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingH
 from robosim.recordings.reader import Recording
 from robosim.recordings.writer import RecordingWriter
 from robosim.viewer.charts import History, add_cursor, value_range
-from robosim.viewer.scene_view import ASLEEP, OUTSIDE, GrainColours, SceneView, Sight, find_in_sight
+from robosim.viewer.overlays import join_labels
+from robosim.viewer.playback import Playback, make_bookmark
+from robosim.viewer.scene_view import ASLEEP, OUTSIDE, GrainColours, SceneView, Sight, find_in_sight, find_limits
 from robosim.viewer.server import embed_html, start_server, stop_server
 
 GRAINS = GrainState(np.array([[0.0, 0, 0], [0.1, 0, 0], [0.4, 0, 0]]), np.array([0.0, 0.01, 3.0]),
@@ -43,9 +47,39 @@ def test_colours_show_what_they_are_named_after() -> None:
     assert tuple(awake[0]) == ASLEEP and np.array_equal(awake[1:], material[1:])
     outside = colours.colours(GRAINS, "outside", np.array([True, True, False]))
     assert tuple(outside[2]) == OUTSIDE and np.array_equal(outside[:2], material[:2])
-    for name in ("speed", "pressure"):
-        shown = colours.colours(GRAINS, name).astype(int).sum(axis=1)
+    for name, limits in (("speed", (1e-3, 10.0)), ("pressure", (1.0, 1e6))):
+        shown = colours.colours(GRAINS, name, limits=limits).astype(int).sum(axis=1)
         assert shown[0] < shown[1] < shown[2]
+
+
+def test_colours_reach_over_what_the_recording_has(recording: Recording) -> None:
+    """Whole decades, up to the largest values."""
+    assert find_limits(recording, "speed") == pytest.approx((0.01, 10.0))
+    assert find_limits(recording, "pressure") == pytest.approx((1e3, 1e6))
+
+
+def test_names_that_would_cover_each_other_share_a_label() -> None:
+    points = [("dig", 0.0), ("lift", 0.02), ("above", 0.3), ("pour", 0.31), ("away", 0.5)]
+    labels = join_labels([(name, np.array([0.0, 0.0, height])) for name, height in points])
+    assert [name for name, _ in labels] == ["dig, lift", "above, pour", "away"]
+    assert all(place[2] == dict(points)[name.split(",")[0]] for name, place in labels)
+
+
+def test_a_bookmark_opens_at_its_time(recording: Recording) -> None:
+    """The page asks for it with its address; what is no time changes nothing."""
+    server = start_server()
+    try:
+        playback = Playback(server, recording)
+        camera = SimpleNamespace(position=(1.0, 2.0, 0.5), look_at=(0.0, 0.0, 0.1), fov=0.7)
+        link = make_bookmark(0.3, camera)
+        assert "initialCameraPosition=1.0000,2.0000,0.5000&initialCameraLookAt=0.0000,0.0000,0.1000&" in link
+        for target, time in ((link, 0.3), ("?time=nan", 0.3), ("?time=x", 0.3), ("?time=99", 0.4), ("", 0.4)):
+            with urllib.request.urlopen(f"http://127.0.0.1:{server.get_port()}/{target}", timeout=10) as page:
+                assert page.status == 200
+            playback.advance(0.0)
+            assert playback._now == pytest.approx(time)
+    finally:
+        stop_server(server)
 
 
 def test_a_history_has_what_the_frames_have(recording: Recording) -> None:
