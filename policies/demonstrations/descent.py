@@ -4,7 +4,8 @@ Adam (Kingma & Ba 2015) divides each entry by its own size, so that the last act
 first; a tool then overshoots, and grains that it has pushed too far cannot be pulled back. Here all actions along one
 axis share one size. After a run of failures the search returns to the best motion with a smaller step. Where that fails
 too, the gradient at the best motion does not describe its neighbourhood (contact has kinks), and the search continues
-from a random motion near it."""
+from a random motion near it, which differs along one axis, and by more each time: a level tool that waits above its
+target is at a minimum of its loss, and pours once it is tilted far enough."""
 
 from typing import ClassVar
 
@@ -18,8 +19,8 @@ DECAY, DECAY_SQUARES, SMALL = 0.9, 0.95, 1e-12
 FAILURES, SHRINK, GROW, LEAST = 4, 0.7, 1.1, 0.1
 """Iterations without a lower loss before a return to the best; factor on the step then, and after a success; smallest
 step as a share of the rate."""
-KNOTS = 8
-"""Knots of the random smooth motion, whose actions are as large as the largest step."""
+KNOTS = 3
+"""Knots of the random smooth motion along an axis: few, so that it turns a tool one way and not to and fro."""
 BOUNDS = {"now": (-1.0, 1.0), "best": (-1.0, 1.0), "lowest": (-np.inf, np.inf), "share": (0.0, 1.0),
           **dict.fromkeys(("failures", "returns", "count"), (0, 10**9)), "square": (0.0, MAX_NUMBER)}
 """Attributes -> their least and largest numbers; of the others, those whose squares a float holds."""
@@ -59,14 +60,16 @@ class Descent:
             self.return_to_best()
 
     def return_to_best(self) -> None:
-        """Continue from the best parameters with a smaller step; from the second return on, from a random neighbour."""
+        """Continue from the best parameters with a smaller step; from the second return on from a random neighbour,
+        which differs along the next axis by as many of the largest steps as there were returns."""
         self.now = self.best.copy()
         self.failures, self.share, self.returns = 0, max(LEAST, SHRINK * self.share), self.returns + 1
         self._reset_momentum()
         if self.returns == 1:
             self._move(self.best_gradient)
         else:
-            knots = np.random.default_rng(self.returns).normal(0.0, self.rate, (KNOTS, self.now.shape[1]))
+            knots, axis = np.zeros((KNOTS, self.now.shape[1])), self.returns % self.now.shape[1]
+            knots[:, axis] = np.random.default_rng(self.returns).normal(0.0, self.returns * self.rate, KNOTS)
             offset = sample_spline(knots, len(self.now) - self._fixed)
             self.now[self._fixed :] = np.clip(self.now[self._fixed :] + offset, -1.0, 1.0)
 
