@@ -57,7 +57,7 @@ TRIALS = {
     "calibrate": Trial("calibrate lab.yaml --runs 10 --out out", ("calibration.json", "material.yaml")),
     "evaluate": Trial("evaluate SpoonTranslate --policy random --episodes 2 --out out", ("evaluation.json",)),
     "demo": Trial("demo SpoonTranslate --n 1 --iterations 2 --action-repeat 100 --no-video --out out",
-                  ("demonstration_0.npz", "demonstrations.json")),
+                  ("demonstration_0.npz", "demonstrations.json"), 1),
     "tune": Trial("tune DoseSpoon --choices 2 --episodes 1 --controller open_loop --set grains.count=100 "
                   "--set dose.target_g=[1,2] --out out", ("tune.json", "numbers.yaml")),
     "film": Trial("film ../recorded --height 144 --out out", ("episode.mp4",)),

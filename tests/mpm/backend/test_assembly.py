@@ -50,6 +50,7 @@ def compiled() -> int:
     return ti.lang.impl.get_runtime().get_num_compiled_functions()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shell", [False, True], ids=["solids", "shell"])
 def test_an_equal_scene_compiles_nothing_and_computes_the_same(shell):
     assembly.limit_idle(0)

@@ -59,6 +59,7 @@ def batch() -> mpm.Batch:
     return mpm.Batch(scene(), 3, readings=4)
 
 
+@pytest.mark.long
 def test_futures_are_those_of_the_solver_alone() -> None:
     compare_exactly("test_batch")
 
@@ -132,6 +133,7 @@ def test_a_future_costs_its_grains_alone(batch: mpm.Batch) -> None:
     assert 21 * 4 * grains < batch.bytes_each < 180 * grains
 
 
+@pytest.mark.long
 def test_wrong_batches_are_refused(batch: mpm.Batch) -> None:
     with pytest.raises(mpm.InvalidValue, match="n = 0"):
         mpm.Batch(batch.solver, 0)

@@ -61,6 +61,7 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
     assert linear[0] > -0.95 and abs(angular[2] - 8.0) > 0.01  # they met, with friction
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("thin", [False, True])
 def test_grains_are_moved_out_of_a_collider_and_not_thrown(thin: bool) -> None:
     """Both fly with one velocity, and grains begin 2 mm deep in the ball: they come out, slower than with the velocity

@@ -71,6 +71,7 @@ def shake(solver: mpm.Solver, duration: float, amplitude: float, frequency: floa
         solver.advance(dt)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ratio", [6.0, 20.0])
 def test_holes_pass_what_the_law_says(ratio: float) -> None:
     """Two holes, half a second: each is within a particle of the law, the first within half of one; what has passed is

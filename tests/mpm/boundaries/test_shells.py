@@ -27,6 +27,7 @@ def filled(pose: mpm.Pose, leave_out: int = 0) -> mpm.Solver:
                       colliders=[mpm.Collider(bowl(), friction=0.3, pose=pose)])
 
 
+@pytest.mark.long
 def test_what_flows_over_a_rim_falls() -> None:
     """A bowl is tilted by 110 deg in 1 s: no grain is ever faster than by its fall from the highest place of the rim,
     and by the motion of that rim."""

@@ -55,6 +55,7 @@ def count_outside(name: str, pose: mpm.Pose, move: Callable[[float], np.ndarray]
         return int(((depth(y) < -0.6 * CELL) & (y[:, 2] < 0.0)).sum())
 
 
+@pytest.mark.long
 def test_an_edge_with_a_node_on_its_diagonal_is_tight() -> None:
     """Where the node is also a point of the lattice of distances, the edge had no normal, and lost grains."""
     assert count_outside("box", mpm.Pose(np.array([0.06, 0.06, 0.09]), UPRIGHT), lambda _: np.zeros(3)) == 0

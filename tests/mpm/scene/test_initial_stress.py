@@ -51,6 +51,7 @@ def test_two_bodies_keep_their_own() -> None:
     assert np.abs(stresses[left.sum():] - given[~left]).max() < 1e-9 * np.abs(given).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", [SAND, WATER, mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0)])
 def test_a_bed_under_its_own_weight_stays_at_rest(law: object) -> None:
     """It moves at less than a hundredth of the speed that it does where it begins without stress."""

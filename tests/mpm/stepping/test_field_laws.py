@@ -60,6 +60,7 @@ def test_periodic_axis_shifts_nothing() -> None:
     assert np.abs(ends[0] - ends[1]).max() <= 1e-9
 
 
+@pytest.mark.long
 def test_ledger_closes_with_shell_and_solid_together() -> None:
     """Sand on a plate near the floor, struck by a moving ball: what the grains gain, somebody gave. The last pack,
     beside the plate, has one grain in four lanes."""

@@ -13,6 +13,7 @@ import mpm
 from mpm.stepping.phases import phases_of
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("how", "features"), [
     ("together", ["all"]),
     pytest.param("apart", ["moving collider", "mobile collider", "static collider", "second body", "shell", "orifice",

@@ -67,6 +67,7 @@ def sleeping(asleep: mpm.Solver) -> mpm.Solver:
     return asleep
 
 
+@pytest.mark.long
 def test_a_bed_at_rest_falls_asleep_and_touches_no_node(sleeping: mpm.Solver) -> None:
     before = sleeping.state()
     sleeping.advance(0.02)
@@ -172,6 +173,7 @@ def test_sleepers_that_a_loaded_state_gives_a_velocity_are_awake(sleeping: mpm.S
     assert sleeping.awake[top].all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [name if name == "moving solid" else
                                   pytest.param(name, marks=pytest.mark.slow) for name in SCENES])
 def test_the_ledger_closes_while_particles_fall_asleep_and_wake(name: str) -> None:

@@ -170,7 +170,7 @@ def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
     """Three iterations lower the loss; a run that is killed after two and resumed ends with the same bits; a finished
     one is not made again; another seed, start or rate in the same folder is refused."""
     whole, cut, name = tmp_path / "whole", tmp_path / "cut", "demonstration_0.npz"
-    assert make(whole) == 0
+    assert make(whole) == 1, "three iterations reach nothing"
     arrays = dict(np.load(whole / name))
     assert arrays["actions"].shape == (100, 3) and len(arrays["losses"]) == 3 and np.isfinite(arrays["check"]).all()
     assert arrays["losses"][2] < arrays["losses"][0]
@@ -192,7 +192,7 @@ def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
         make(cut)
     assert (cut / "demonstration_0.unfinished.npz").is_file()
     calls.extend([1] * 10)
-    assert make(cut) == 0 and names(cut) == names(whole)
+    assert make(cut) == 1 and names(cut) == names(whole)
     stored = np.load(cut / name)
     assert all(np.array_equal(stored[key], arrays[key]) for key in ("actions", "losses"))
     monkeypatch.setattr(MotionLoss, "value_and_grad", None)  # not called again
@@ -225,7 +225,7 @@ def test_a_search_from_rest_empties_the_tool_over_the_target(tmp_path):
 def test_two_workers_make_the_same_demonstrations(tmp_path):
     """To the bit."""
     for jobs in (1, 2):
-        assert make(tmp_path / str(jobs), n=2, jobs=jobs, iterations=2) == 0
+        assert make(tmp_path / str(jobs), n=2, jobs=jobs, iterations=2) == 1
     for k in range(2):
         one, two = (np.load(tmp_path / jobs / f"demonstration_{k}.npz") for jobs in "12")
         assert all(np.array_equal(one[what], two[what]) for what in ("actions", "losses", "check"))

@@ -22,6 +22,7 @@ def venv() -> Iterator[SB3VecEnv]:
     venv.close()
 
 
+@pytest.mark.long
 def test_transitions_are_those_of_gymnasium(venv: SB3VecEnv) -> None:
     """Dones, truncations, last observations and infos, through the end of an episode and into the next."""
     action = np.full((2, 3), 0.1, np.float32)

@@ -152,7 +152,8 @@ def test_a_full_disk_is_a_failure_with_status_1(tmp_path: Path, valley: Path, po
         full.setattr(writer, fail)
         assert main([*words, "--out", str(tmp_path / "out")]) == 1
         assert "FileLock" in writer or read_status(tmp_path / "out") == "failed"
-    assert main([*words, "--out", str(tmp_path / "out")]) == 0
+    ended = int(command == "demo")  # two iterations reach nothing
+    assert main([*words, "--out", str(tmp_path / "out")]) == ended
     assert read_status(tmp_path / "out") == "finished" and (tmp_path / "out" / "index.html").is_file()
 
 

@@ -68,6 +68,7 @@ def test_a_step_apart_probes_nothing_and_closes_its_ledger(monkeypatch: pytest.M
     assert np.linalg.norm(plugin.ledger.residual.linear) < 1e-12 * plugin.ledger.exchanged[0]
 
 
+@pytest.mark.long
 def test_clearances_are_measured_rarely_and_a_rising_ball_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     clearance = mpm.Solver.clearance

@@ -102,6 +102,7 @@ def test_an_arm_continues_to_the_bit(name: str, options: dict[str, Any], n: int)
     twin.close()
 
 
+@pytest.mark.long
 def test_a_copy_and_its_original_go_their_own_ways() -> None:
     """Both continue equally, wrappers included, and neither moves the other; spaces draw on as the original's do."""
     env, own = make("SpoonTranslate", task=SHORT, **SOFT)

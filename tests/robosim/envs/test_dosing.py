@@ -61,6 +61,7 @@ def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv) -> None:
         assert np.array_equal(target, seen["target"]) and target.dtype == np.float32
 
 
+@pytest.mark.long
 def test_no_mass_is_lost_and_the_balance_shows_what_is_poured(spoon: GrainEnv) -> None:
     """The tool pours while it shakes, and comes back: the episode ends half a second later."""
     seen, info = spoon.reset(seed=1, options={"nominal": True})

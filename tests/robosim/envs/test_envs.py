@@ -75,6 +75,7 @@ def test_extremes_follow_from_counts_and_weights_and_a_perfect_motion_scores_the
     assert outcome.is_success(way, outcome.readings(way))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MOST)
 def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, request: Any) -> None:
     fixture = {"SpoonPour": "pour", "SpoonScoop": "scoop"}.get(name)
@@ -93,6 +94,7 @@ def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, r
     assert moved[slices["tool"]].all() and moved[slices["time"]].all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("arm", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [*MOST, pytest.param("DoseSpoon", marks=pytest.mark.slow)])
 def test_gymnasium_and_stable_baselines_have_no_complaint(name: str, arm: bool) -> None:
@@ -128,6 +130,7 @@ def test_the_score_does_not_depend_on_the_action_repeat(pour: GrainEnv) -> None:
     assert np.array_equal(pour.solver.positions(), places)
 
 
+@pytest.mark.long
 def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
     """Random states: elites, target, contact, collision and turn, against the paper's equation written out."""
     task, rng = scoop.task, np.random.default_rng(0)

@@ -37,6 +37,7 @@ def of(infos: dict[str, Any], e: int) -> dict[str, Any]:
             if not key.startswith("_") and infos.get(f"_{key}", np.ones(9))[e]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "options"), [
     ("SpoonTranslate", {"obs": "moments", "randomize": {"friction_angle_deg": (20.0, 40.0)}}),
     *(pytest.param(name, options, marks=pytest.mark.slow) for name, options in (

@@ -107,6 +107,7 @@ def test_frames_have_the_state_of_their_time(rate: float, opened: Callable[[Path
         assert np.abs(recording.grains(k).positions - positions).max() < 1e-5
 
 
+@pytest.mark.long
 def test_a_run_is_the_same_with_a_recording(tmp_path: Path) -> None:
     """Recording only reads: every bit of the state is as without it."""
     ends = []

@@ -65,6 +65,7 @@ def test_bounds_ask_for_the_dose_in_place_of_the_delivery(short: RehearsalConfig
     assert set(BOUNDS) <= set(get_bounds(short.model_copy(update={"dose": None})))
 
 
+@pytest.mark.long
 def test_a_dose_from_file_to_report(short: RehearsalConfig, tmp_path: Path) -> None:
     """The motion goes on where it rested; figures, page and recording have the dose; no motion is exported."""
     result = simulate(short, tmp_path / "out", RunOptions(driver=ThereAndBack()))

@@ -125,6 +125,7 @@ def test_a_motion_of_its_own_is_played_from_a_dataset(plan: Plan, tmp_path: Path
     assert rows["q_A1_rad"][middle] == pytest.approx(plan.motion.state(0.0).q[0] + 0.1, abs=0.01)
 
 
+@pytest.mark.long
 def test_recordings_of_something_else_are_refused(plan: Plan, tmp_path: Path) -> None:
     start, duration = plan.motion.state(0.0).q, plan.motion.duration
     cases = {"accepted: the whole planned motion of": (np.arange(0.0, 0.5 * duration, 0.01), 1.0),

@@ -91,6 +91,7 @@ def test_a_displaced_place_displaces_the_task(task: str) -> None:
         assert abs(scores[2] - scores[0]) > 5 * abs(scores[1] - scores[0])
 
 
+@pytest.mark.long
 def test_a_network_is_refused_for_another_version_of_its_task(tmp_path: Path) -> None:
     """By what differs; not for what the command changed on purpose, and not for the suite's own changes."""
     task = load_task("SpoonTranslate")
@@ -154,6 +155,7 @@ def test_a_bundled_network_is_a_policy_where_there_is_one(monkeypatch: pytest.Mo
         find_network("network", "ShovelMove")
 
 
+@pytest.mark.long
 def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     assert evaluate_suite("SpoonTranslate", ["scripted"], "wide", tmp_path, episodes=2) == 0
     rows = list(csv.DictReader((tmp_path / "evaluation.csv").read_text().splitlines()))
