@@ -25,8 +25,9 @@ rehearse: $(VENV)/.run gl
 	@if $(HAS_GL); then video=; else video=--no-video; export MUJOCO_GL=disable; fi; \
 	set -x; $(BIN)/robosim rehearse spoon --out $(OUT) $$video
 
-# The tests of a file stay in one process, which has its fixtures and kernels then; how long each took is kept.
-PYTEST = $(BIN)/python -m pytest -n 2 --dist loadscope --durations 30 --durations-min 3 --junitxml .cache/$@.xml
+# The tests of a file stay in one process, which has its fixtures and kernels then; how long each took is kept. Files come in
+# their own order: by number of tests, the longest one would come last, with one process idle.
+PYTEST = $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder --durations 30 --durations-min 3 --junitxml .cache/$@.xml
 
 test: $(VENV)/.test
 	$(PYTEST) -m "not long and not slow"
