@@ -58,7 +58,7 @@ def _write(root: Path, episodes: Sequence[PlayedDemonstration], fps: float, task
         _, height, width, _ = episodes[0].pictures.shape
         for number in range(file[-1] + 1):
             with Mp4Writer(root / "videos" / CAMERA / f"{_place(number)}.mp4", fps, keyframes=2) as film:
-                for shown in (episodes[k].pictures for k in np.flatnonzero(file == number)):
+                for shown in (episodes[int(k)].pictures for k in np.flatnonzero(file == number)):
                     for picture in shown if shown is not None else ():
                         film.add(picture)
         features[CAMERA] = {"dtype": "video", "shape": [height, width, 3], "names": ["height", "width", "channels"],
