@@ -1,10 +1,11 @@
 """Run the commands whose results the pages quote, and store these in docs/results/data: `python docs/measure.py NAME`.
 
-Names: rehearsal_spoon (and the pictures of it), gallery (stills of the other rehearsals, and eight loops), arms (three
-rehearsals with every arm, with its hand and without), foreign_arms (the spoon with arms of other packages, which
-docs/developer/testing.md says how to get), report, stability, bench, bench_field, networks (the bundled policies and
-their scores) and tables (the paper's): hours and days, which continue where they were interrupted. Without a name:
-all but these two.
+Names: rehearsal_spoon (and the pictures of its page), arms (three rehearsals with every arm, with its hand and
+without), foreign_arms (the spoon with arms of other packages, which docs/developer/testing.md says how to get), report,
+stability, bench, bench_field, gallery (stills of the rehearsals, and eight loops), networks (the bundled policies and
+their scores) and tables (the paper's): hours and days, which continue where they were interrupted. Without a name: all
+but these two. The gallery is drawn by Filament: DRAW in the environment names an interpreter with MuJoCo 4
+(docs/guides/video.md).
 """
 
 import json
@@ -23,7 +24,7 @@ from foreign_arms import ARMS as FOREIGN  # noqa: E402
 from foreign_arms import find_arm  # noqa: E402
 from generators.results.measured import DATA  # noqa: E402
 from measuring.learning import networks, tables  # noqa: E402
-from measuring.pictures import POSTERS, gallery, picture_of_arms, pictures  # noqa: E402
+from measuring.pictures import gallery, picture_of_arms, pictures  # noqa: E402
 from measuring.running import command, made_by  # noqa: E402
 
 from robosim.base.digests import code_digest  # noqa: E402
@@ -36,8 +37,8 @@ SIZES = ["300", "2880", "50000"]
 
 
 def rehearsal_spoon(out: Path) -> dict[str, Any]:
-    """The figures of the report, and three pictures."""
-    words = ["rehearse", "spoon", "--poster", str(POSTERS["spoon"])]
+    """The figures of the report, the sheet of frames and the page."""
+    words = ["rehearse", "spoon"]
     seconds = command(words, out)
     figures = json.loads((out / "report.json").read_text())
     pictures(out)
@@ -147,8 +148,7 @@ def bench_field(out: Path) -> dict[str, Any]:
 LONG = ("networks", "tables")
 TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "rehearsal_spoon": rehearsal_spoon, **{name: partial(whole, name) for name in WHOLE}, "bench_field": bench_field,
-    "gallery": gallery, "arms": arms, "foreign_arms": foreign_arms, "networks": networks,
-    "tables": tables}
+    "arms": arms, "foreign_arms": foreign_arms, "gallery": gallery, "networks": networks, "tables": tables}
 
 
 def main(names: list[str]) -> None:

@@ -22,7 +22,7 @@ from robosim.commands.new import draft_arm
 from robosim.config.arm import ArmConfig, GripperConfig
 from robosim.config.table import validate
 from robosim.conversion.gltf import write_frame
-from robosim.conversion.joint_log import read_joint_log
+from robosim.conversion.joint_log_files import read_joint_log
 from robosim.recordings.appearance import build_appearance
 from robosim.recordings.reader import Recording
 from robosim.recordings.scene_recorder import SceneRecorder

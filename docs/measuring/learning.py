@@ -8,8 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from generators.results.learning import KINDS, NETWORKS, TRAINED
+from generators.results.measured import ROOT
 
-from measuring.running import ROOT, command
+from measuring.running import command
 from policies.results.rows import pack_rows
 from policies.results.tables import collect_rows
 from policies.runs.sweep_file import load_sweep, plan_runs

@@ -7,9 +7,11 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from measuring.running import DOCS, ROOT, command
+from generators.results.measured import ROOT
 
-IMAGES = DOCS / "images"
+from measuring.running import command
+
+IMAGES = ROOT / "docs" / "images"
 POSTERS = {"spoon": 8.85, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
 """Rehearsal -> time [s] of its still: grains fall, or move."""
 LOOPS = {
@@ -24,14 +26,15 @@ LOOPS = {
     "push": (["evaluate", "ShovelMove", "--policy", "network", "--episodes", "1", "--no-video"], "task", 0.0)}
 """Loop of the gallery -> command whose run it shows, camera, and time [s] at which it begins."""
 LOOP_SECONDS, LOOP_RATE = 3.0, 12
+DRAW = os.environ.get("DRAW") or sys.executable
+"""Interpreter with MuJoCo 4, which draws what others have recorded."""
 
 
 def pictures(out: Path) -> None:
-    """The still, the sheet of nine, the page of curves; small enough for a repository."""
+    """The sheet of nine and the page of curves; small enough for a repository."""
     from PIL import Image
 
     IMAGES.mkdir(exist_ok=True)
-    still(out, "spoon")
     sheet = Image.open(out / "frames.png").convert("RGB")
     sheet.resize((1440, 810)).save(IMAGES / "spoon_sheet.jpg", quality=80, optimize=True)
     if shutil.which("chromium") is None:
@@ -43,11 +46,10 @@ def pictures(out: Path) -> None:
 
 
 def draw(run: Path, out: Path, camera: str, begin: float, end: float, *more: str) -> None:
-    """Draw a part of a film by Filament. DRAW in the environment: an interpreter with MuJoCo 4, if this has not."""
+    """Draw a part of a film by Filament."""
     words = ["film", str(run), "--renderer", "filament", "--camera", camera, "--height", "540", "--begin", str(begin),
              "--end", str(end), *more]
-    subprocess.run([os.environ.get("DRAW", sys.executable), "-m", "robosim", *words, "--out", str(out)],
-                   cwd=ROOT, check=True)
+    subprocess.run([DRAW, "-m", "robosim", *words, "--out", str(out)], cwd=ROOT, check=True)
 
 
 def still(run: Path, name: str) -> None:
@@ -61,13 +63,18 @@ def still(run: Path, name: str) -> None:
 
 
 def gallery(out: Path) -> None:
-    """Stills of the rehearsals besides the spoon's, and the loops."""
+    """Stills of the rehearsals, and the loops."""
+    version = subprocess.run([DRAW, "-c", "import mujoco; print(mujoco.__version__)"], capture_output=True, text=True,
+                             check=True).stdout.strip()
+    if version.startswith("3."):
+        sys.exit(f"gallery: {DRAW} has MuJoCo {version}, and Filament needs 4; name an interpreter that has it: "
+                 "DRAW=PYTHON python docs/measure.py gallery (docs/guides/video.md)")
     for name, (words, camera, begin) in LOOPS.items():
         run = out / name
         command(words, run)
         draw(run, run / "loop", camera, begin, begin + LOOP_SECONDS)
         loop(next((run / "loop").glob("*.mp4")), IMAGES / f"{name}.webp")
-        if name in POSTERS and name != "spoon":
+        if name in POSTERS:
             still(run, name)
 
 

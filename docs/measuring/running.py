@@ -5,10 +5,9 @@ import sys
 import time
 from pathlib import Path
 
-from robosim.base.provenance import provenance
+from generators.results.measured import ROOT
 
-DOCS = Path(__file__).resolve().parents[1]
-ROOT = DOCS.parent
+from robosim.base.provenance import provenance
 
 
 def command(words: list[str], out: Path) -> float:

@@ -19,8 +19,7 @@ from robosim.rendering.video import Mp4Writer
 VERSION = "v3.0"
 FILES_PER_CHUNK = 1000
 FRAMES_PER_FILE = 10_000
-"""Frames after which the next episode begins a file of its own: a film of 640 x 480 then has about 100 MB, half of what
-the format allows."""
+"""Frames after which the next episode begins a file of its own, so that no reader loads a whole dataset at once."""
 CAMERA = "observation.images.task"
 INDICES = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
            "task_index": "int64"}

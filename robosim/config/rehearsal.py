@@ -73,8 +73,8 @@ class RehearsalConfig(SceneConfig):
     tool_container: Annotated[list[Literal["contact", "sdf"]], Field(max_length=2)] = ["contact", "sdf"]  # noqa: RUF012
     """How collisions of tool and containers are detected. contact: MuJoCo contacts, which exert forces; sdf: points of
     the container with a negative signed distance to the tool."""
-    host_dt: Annotated[float, Field(ge=1e-5, le=1e-3)] = 1e-3
-    """MuJoCo step [s]."""
+    host_dt: Annotated[float, Field(ge=1e-5, le=2e-3)] = 1e-3
+    """MuJoCo step [s], and the time by which the grains advance at once."""
     grasp_time: bounds.GraspTime = 0.5
     """Time [s] for the fingers to close before the arm moves."""
     area: RegionConfig | None = None

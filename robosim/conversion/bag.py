@@ -15,7 +15,7 @@ from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_rows, read_text, to_numbers
 from robosim.base.progress import Progress
 from robosim.config.settings import parse_yaml
-from robosim.conversion.joint_log import AXES, MOST_BYTES
+from robosim.conversion.joint_log_files import AXES, MOST_BYTES
 from robosim.recordings.reader import Recording, find_recordings
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)

@@ -17,8 +17,9 @@ def compute_ratio(value: float, reference: float) -> float | None:
 
 def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, float | None]:
     """Compute where the material is as fractions of the scooped mass; positions [m] (n, 3): of the grains at the end.
-    delivered, returned and retained count the grains that were in the tool when it was weighed, or all grains where
-    nothing is weighed. spilled counts every grain outside containers, area and tool, also those spilled while scooping.
+    delivered, returned and retained count the grains that were in the tool when it was weighed or, in a recorded motion
+    of its own, held most; all grains where a tool that is full at the start is not weighed. spilled counts every grain
+    outside containers, area and tool, also those spilled while scooping.
     """
     mass, config = run.solver.masses(), run.config
     scooped = np.full(len(mass), config.weigh_at is None) if run.scooped is None else run.scooped
@@ -28,7 +29,7 @@ def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, flo
     if config.area:
         delivered = config.area.region.holds(positions)
     retained = run.is_held(positions)
-    if config.weigh_at is not None:  # grains in a tool above the area, or in the container, are not delivered yet
+    if config.weigh_at is not None or config.sources:  # grains in a tool above area or container are not delivered yet
         delivered &= ~retained
     retained &= ~delivered & ~returned
     spilled = ~(delivered | returned | retained)
@@ -39,10 +40,12 @@ def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, flo
 
 
 def compute_scooped_mass(run: RehearsalRun) -> float:
-    """Compute the mass [kg] in the tool while it was weighed. The whole mass where nothing is weighed."""
+    """Compute the mass [kg] in the tool while it was weighed, or that of `RehearsalRun.scooped`. The whole mass where
+    neither is there."""
     waypoint = run.config.weigh_at
     if waypoint is None:
-        return float(run.solver.masses().sum())
+        masses = run.solver.masses()
+        return float(masses.sum() if run.scooped is None else masses[run.scooped].sum())
     begin, end = find_weighing_interval(run, waypoint)
     times = run.readings.stack_grains("time")
     selected = (times >= begin) & (times < end)

@@ -10,8 +10,8 @@ from scipy.signal import butter, sosfiltfilt
 from robosim.base.errors import ConfigError
 from robosim.cell.drivers import LONGEST
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.conversion.joint_log import JointLog, check_times, read_joint_log
-from robosim.conversion.lerobot_log import is_lerobot, read_lerobot
+from robosim.conversion.joint_log import JointLog
+from robosim.conversion.joint_log_files import read_joint_log
 from robosim.robot.model import Arm
 from robosim.robot.ros_trajectory import name_joints
 from robosim.robot.timing import JointMotion, JointState
@@ -89,11 +89,7 @@ def read_log(path: Path, config: RehearsalConfig, episode: int = 0) -> JointLog:
     """Read what the arm recorded; its joints are called as the exported trajectory calls them.
     episode: of a LeRobot dataset. Raises ConfigError."""
     names = name_joints(assemble_rehearsal(config).robot.joints, config.joint_trajectory)
-    if is_lerobot(path):
-        return check_times(read_lerobot(path, names, episode))
-    if episode:
-        raise ConfigError(f"--episode {episode} with {path}; accepted: with a folder of a LeRobot dataset")
-    return read_joint_log(path, names, config.joint_trajectory.frame_id)
+    return read_joint_log(path, names, config.joint_trajectory.frame_id, episode)
 
 
 def find_offset(times: np.ndarray, angles: np.ndarray, planned: JointMotion) -> tuple[float, float]:

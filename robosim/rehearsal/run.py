@@ -81,7 +81,9 @@ class RehearsalRun:
         self.timings: dict[str, float] = {}
         """Times [s] of what stands beside the steps: "compile", and what a session adds."""
         self.scooped: np.ndarray | None = None
-        """Which grains (n,) were in the tool when it was weighed; None before, or where nothing is weighed."""
+        """Which grains (n,) were in the tool when it was weighed or, in a recorded motion of its own, held most; None
+        before, or where neither is asked."""
+        self._most = 0 if replay is not None and replay.is_own and config.sources else np.inf
         is_picked, rests = config.pick is not None, self.plan.path.rests
         self.grasp_begin = rests[config.waypoints[1].name][0] + config.grasp_time if is_picked else 0.0
         """Time [s] at which the fingers begin to close."""
@@ -213,8 +215,11 @@ class RehearsalRun:
         """Record what needs all grains, where the step's index is a multiple of its interval."""
         if index % GRAIN_SAMPLE_INTERVAL == 0:
             positions, lost, awake = self._read_once(self._read_grains)
-            mass = self._grain_mass * int(self.is_held(positions).sum())
-            self.readings.grains.append(GrainSample(self.time, mass, lost, awake))
+            held = self.is_held(positions)
+            count = int(held.sum())
+            self.readings.grains.append(GrainSample(self.time, self._grain_mass * count, lost, awake))
+            if count >= self._most:
+                self.scooped, self._most = held, count
         if self.scooped is None and self.time >= self._weighing_end:
             self.scooped = self.is_held(self.solver.positions())
         if index % ENERGY_SAMPLE_INTERVAL == 0:

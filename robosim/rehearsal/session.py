@@ -68,8 +68,8 @@ class RunOptions(NamedTuple):
     seed: int = 0
     """Of the grains' initial positions."""
     recorded: Path | None = None
-    """What the real arm recorded of the motion (see `robosim.conversion.joint_log`), which is played in the plan's
-    place and compared with it."""
+    """What the real arm recorded of the motion (see `robosim.conversion.joint_log_files`), which is played in the
+    plan's place and compared with it."""
     episode: int = 0
     """Of what was recorded, where that is a LeRobot dataset."""
     is_unplanned: bool = False
@@ -147,7 +147,11 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
     material, film = load_material(config.material), options.film
     if options.recorded is None and (options.episode or options.is_unplanned):
         raise ConfigError("--episode or --unplanned without --recorded; accepted: with it")
+    if options.is_unplanned and config.pick is not None:
+        raise ConfigError("--unplanned with a tool that is picked up; accepted: with one that the hand holds from the "
+                          "start (pick: null): the recording does not say when the fingers close")
     log = None if options.recorded is None else read_log(options.recorded, config, options.episode)
+    given = config
     if options.is_unplanned and config.weigh_at is not None:
         print(f"nothing is weighed: the motion does not pass the waypoint {config.weigh_at!r}", file=sys.stderr)
         config = config.model_copy(update={"weigh_at": None})
@@ -155,7 +159,7 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
         find_camera(compile_rehearsal(config).model, film.camera or AUTO)
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)
-        folder.write_yaml("config.yaml", config.model_dump(mode="json"))
+        folder.write_yaml("config.yaml", given.model_dump(mode="json"))
         folder.write_yaml("material.yaml", material.model_dump(mode="json"))
         with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
             run = _prepare(config, options, log)

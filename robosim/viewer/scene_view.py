@@ -187,13 +187,17 @@ class SceneView:
         distance = 0.0 if sight is None else float(np.linalg.norm(sight.eye - self._centre))
         if (self.frame >= 0 and (sight is None) != (self._sight is None)) or \
                 (sight is not None and sight.has_moved(self._sight, distance)):
-            self.recolour(self.colouring)
+            self._show_again()
 
     def recolour(self, colouring: str) -> None:
         """Colour the grains otherwise; raises KeyError for no colouring."""
         self.colouring = colouring
         if colouring in ("speed", "pressure") and len(self.recording):
             self._limits[colouring] = find_limits(self.recording, colouring)
+        self._show_again()
+
+    def _show_again(self) -> None:
+        """Show the grains of the frame that is shown."""
         if self.frame >= 0:
             self._show_grains(self.recording.grains(self.frame), self.body_poses(self.recording.scene(self.frame)))
 

@@ -101,7 +101,8 @@ def test_every_key_of_a_bundled_file_is_listed(kind: str, capsys: pytest.Capture
 def test_bounds_defaults_and_meanings_are_those_of_the_schema(capsys: pytest.CaptureFixture[str]) -> None:
     main(["keys", "rehearsal"])
     rows = {line.split()[0]: re.split(r" {2,}", line) for line in capsys.readouterr().out.splitlines()[3:]}
-    assert rows["host_dt"][1:] == ["number from 1e-05 up to 0.001", "0.001", "MuJoCo step [s]."]
+    assert rows["host_dt"][1:] == ["number from 1e-05 up to 0.002", "0.001",
+                                   "MuJoCo step [s], and the time by which the grains advance at once."]
     assert rows["waypoints[].angular_speed"][1:3] == ["number from 0.001 up to 100", "1.5"]
     assert rows["limits.jerk"][1] == "list of 5 to 8: number from 0.001 up to 1e+06 | null"
     assert rows["path"][3].startswith("How the tool rounds")

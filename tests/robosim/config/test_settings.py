@@ -48,7 +48,7 @@ def test_a_configuration_has_the_values_that_were_set() -> None:
     ("waypoints.lifted.speed=1", "waypoints is a list, 'lifted' is no place in it; accepted: 0 to"),
     ("host_dt.x=1", "--set host_dt.x: host_dt is 0.001, neither a table nor a list; accepted: --set host_dt=VALUE"),
     ("containers.source.color=1", "unknown key 'containers.source.color'; valid: position, yaw_deg, tilt_deg,"),
-    ("host_dt=0.01", r"host_dt.*0\.001.*given: 0\.01"),
+    ("host_dt=0.01", r"host_dt.*0\.002.*given: 0\.01"),
     ("waypoints.2.frame=bowl", "'bowl'; valid: world, source, target"),
     ("weigh_at=raised", r"spoon.yaml --set weigh_at: weigh_at: unknown waypoint 'raised'; valid: .*lifted")])
 def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> None:

@@ -15,10 +15,12 @@ from scipy.spatial.transform import Rotation
 from robosim.base.errors import ConfigError
 from robosim.commands.main import main
 from robosim.config.rehearsal import load_rehearsal
-from robosim.conversion.joint_log import AXES, JointLog, Samples
+from robosim.conversion.joint_log import JointLog, Samples
+from robosim.conversion.joint_log_files import AXES
 from robosim.planning.plan import Plan, plan_motion
 from robosim.rehearsal.comparison import compare_wrench
 from robosim.rehearsal.recorded_motion import RecordedMotion, read_log
+from robosim.rehearsal.session import RunOptions, simulate
 
 CLOCK, BIAS = 1234.5, np.array([0.7, 0.0, -0.4, 0.02, 0.0, -0.01])
 """Time [s] that the recording's clock is ahead, and what its sensor [N], [N m] adds."""
@@ -119,10 +121,22 @@ def test_a_motion_of_its_own_is_played_from_a_dataset(plan: Plan, tmp_path: Path
     assert report["trajectory"] == "replay" and report["driver"] == "recording"
     assert report["recorded_duration_s"] == pytest.approx(2.5, abs=0.01)
     assert report["tool_tracking_error_max_m"] < 3e-3 and "recorded_joint_difference_max_deg" not in report
-    assert report["recorded_force_difference_rms_N"] > 0.0
+    assert report["recorded_force_difference_rms_N"] > 0.0 and report["scooped_mass_kg"] == 0.0
     rows = np.genfromtxt(tmp_path / "out" / "trajectory.csv", delimiter=",", names=True)
     middle = np.searchsorted(rows["time_s"], 1.25 + load_rehearsal(file).grasp_time)
     assert rows["q_A1_rad"][middle] == pytest.approx(plan.motion.state(0.0).q[0] + 0.1, abs=0.01)
+
+
+@pytest.mark.long
+def test_a_motion_of_its_own_has_scooped_what_the_tool_held_at_most(ran: Path, tmp_path: Path) -> None:
+    file, out = str(ran.parent / "short.yaml"), tmp_path / "out"
+    main(["rehearse", file, "--recorded", str(ran / "trajectory.csv"), "--unplanned", "--no-video", "--out", str(out)])
+    planned, own = (json.loads((folder / "report.json").read_text()) for folder in (ran, out))
+    assert own["scooped_mass_kg"] == pytest.approx(planned["scooped_mass_kg"], rel=0.02)
+    assert own["wrist_payload_kg"] is None
+    assert load_rehearsal(str(out / "config.yaml")).weigh_at == load_rehearsal(file).weigh_at
+    with pytest.raises(ConfigError, match="a tool that is picked up"):
+        simulate(load_rehearsal("pick_bottle"), out, RunOptions(recorded=ran / "trajectory.csv", is_unplanned=True))
 
 
 @pytest.mark.long

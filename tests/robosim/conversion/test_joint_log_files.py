@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robosim.base.errors import ConfigError
-from robosim.conversion.joint_log import AXES, read_joint_log
+from robosim.conversion.joint_log_files import AXES, read_joint_log
 
 JOINTS = ["shoulder", "elbow"]
 TIMES = 5.0 + 0.01 * np.arange(50)
