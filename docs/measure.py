@@ -2,10 +2,10 @@
 
 Names: rehearsal_spoon (and the pictures of its page), arms (three rehearsals with every arm, with its hand and
 without), foreign_arms (the spoon with arms of other packages, which docs/developer/testing.md says how to get), report,
-stability, bench, bench_field, gallery (stills of the rehearsals, and eight loops), networks (the bundled policies and
-their scores) and tables (the paper's): hours and days, which continue where they were interrupted. Without a name: all
-but these two. The gallery is drawn by Filament: DRAW in the environment names an interpreter with MuJoCo 4
-(docs/guides/video.md).
+stability, bench, bench_field, gallery (stills of the rehearsals, and loops), dosing (our entries of the benchmark),
+networks (the bundled policies and their scores) and tables (the paper's): hours and days, which continue where they
+were interrupted. Without a name: all but these three. The gallery is drawn by Filament: DRAW in the environment names
+an interpreter with MuJoCo 4 (docs/guides/video.md).
 """
 
 import json
@@ -23,7 +23,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE), str(HERE.parent / "tests")]
 from foreign_arms import ARMS as FOREIGN  # noqa: E402
 from foreign_arms import find_arm  # noqa: E402
 from generators.results.measured import DATA  # noqa: E402
-from measuring.learning import networks, tables  # noqa: E402
+from measuring.learning import dosing, networks, tables  # noqa: E402
 from measuring.pictures import gallery, picture_of_arms, pictures  # noqa: E402
 from measuring.running import command, made_by  # noqa: E402
 
@@ -145,10 +145,11 @@ def bench_field(out: Path) -> dict[str, Any]:
             "head": ["scene", "particles", "threads", "device", "ns per particle and substep"], "rows": rows}
 
 
-LONG = ("networks", "tables")
+LONG = ("dosing", "networks", "tables")
 TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "rehearsal_spoon": rehearsal_spoon, **{name: partial(whole, name) for name in WHOLE}, "bench_field": bench_field,
-    "arms": arms, "foreign_arms": foreign_arms, "gallery": gallery, "networks": networks, "tables": tables}
+    "arms": arms, "foreign_arms": foreign_arms, "gallery": gallery, "dosing": dosing,
+    "networks": networks, "tables": tables}
 
 
 def main(names: list[str]) -> None:

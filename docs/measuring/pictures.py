@@ -23,7 +23,9 @@ LOOPS = {
     "ur5e": (["rehearse", "spoon", "--no-video", "--set", "robot=ur5e", "--material", "sugar"], "auto", 2.6),
     "water": (["evaluate", "ScoopPour", "--policy", "scripted", "--episodes", "1", "--material", "water",
                "--no-video"], "task", 0.2),
-    "push": (["evaluate", "ShovelMove", "--policy", "network", "--episodes", "1", "--no-video"], "task", 0.0)}
+    "push": (["evaluate", "ShovelMove", "--policy", "network", "--episodes", "1", "--no-video"], "task", 0.0),
+    **{task: (["evaluate", task, "--policy", "pi", "--episodes", "1", "--no-video"], "task", 3.0)
+       for task in ("DoseSpoon", "DoseScoop", "DoseBottle")}}
 """Loop of the gallery -> command whose run it shows, camera, and time [s] at which it begins."""
 LOOP_SECONDS, LOOP_RATE = 3.0, 12
 DRAW = os.environ.get("DRAW") or sys.executable

@@ -8,7 +8,7 @@ import numpy as np
 
 from robosim.rehearsal.readings import Readings
 from robosim.rehearsal.recorded_motion import RecordedMotion
-from robosim.reports.plot import Chart, Curve
+from robosim.reports.curves import Chart, Curve
 from robosim.robot.assembly import WRIST_SITE
 from robosim.robot.model import Arm
 

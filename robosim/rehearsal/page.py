@@ -15,8 +15,9 @@ from robosim.rehearsal.dosing_driver import DoseSample, DosingDriver
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.video import read_comment, read_frame
+from robosim.reports.curves import Chart, Curve
 from robosim.reports.page import Page
-from robosim.reports.plot import Chart, Curve, draw_charts
+from robosim.reports.plot import draw_charts
 
 AVERAGED_STEPS = 20
 """Steps over which plotted forces are averaged; those in trajectory.csv are not."""
@@ -24,8 +25,9 @@ UNITS = {"m": "m", "kg": "kg", "s": "s", "deg": "deg", "N": "N", "Nm": "N m"}
 """Last word of a figure's name -> its unit."""
 
 
-def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], folder: Path) -> Page:
-    """Make the page of a run whose other results are in a folder."""
+def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], charts: list[Chart],
+              folder: Path) -> Page:
+    """Make the page of a run, with its charts, whose other results are in a folder."""
     config = run.config
     page = Page(f"{config.description}: {config.material}")
     bounds = get_bounds(config)
@@ -44,7 +46,6 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
         page.add_heading("In 3-D")
         page.add_scene(embed_html(recording), f"Turn with the mouse, scrub below. With colours, forces, regions and "
                        f"curves: robosim view {folder}")
-        charts = make_charts(run, recording)
     page.add_heading("Curves")
     page.add_plot(draw_charts(charts, {name: time for time, name in run.passages()}),
                   "Drag to zoom, double-click to come back; a click in the legend hides a curve.")
@@ -105,12 +106,13 @@ def bound_row(name: str, value: object, bound: Bound) -> list[object]:
     return [words, value, unit, low, high, "held" if margin >= 0 else "missed", None if np.isinf(margin) else margin]
 
 
-def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
-    """Return the charts of a run, from the readings of all its steps and from its recording."""
+def make_charts(run: RehearsalRun, folder: Path) -> list[Chart]:
+    """Return the charts of a run, from the readings of all its steps and from its recording in a folder."""
     readings, bounds = run.readings, get_bounds(run.config)
     time, grain_time = readings.stack_steps("time"), readings.stack_grains("time")
-    frame_times, values = recording.values()
-    names = [curve.name for curve in recording.header.curves]
+    with Recording(folder / FILE) as recording:
+        frame_times, values = recording.values()
+        names = [curve.name for curve in recording.header.curves]
     masses = [Curve(name, frame_times, values[:, names.index(name)])
               for name in ("in the tool", "outside of tool and places")]
     wrist = [Curve(name, frame_times, values[:, names.index(f"wrist {name}")]) for name in ("Fx", "Fy", "Fz")]

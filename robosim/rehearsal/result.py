@@ -16,6 +16,7 @@ from robosim.rehearsal.dosing_driver import DoseSample
 from robosim.rehearsal.readings import align_signs
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.video import read_frames
+from robosim.reports.curves import FILE as PAGE_CURVES
 from robosim.robot.ros_trajectory import make_gripper_commands, make_joint_trajectory
 from robosim.scene.grasp import CLOSING_SHARE
 
@@ -27,7 +28,7 @@ PARTS = ("", "_gripper", "_approach", "_approach_gripper")
 """Files of a motion: the end of their names."""
 RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv",
            *(f"{Path(name).stem}{part}.yaml" for name in (TRAJECTORY, MISSED_TRAJECTORY) for part in PARTS), RECORDING,
-           "last_good_state.npz")
+           PAGE_CURVES, "last_good_state.npz")
 """Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 CURVES = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque", "commanded", "reached", "wrist",
           "tool_force")

@@ -28,11 +28,13 @@ from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.comparison import OPPOSITE
 from robosim.rehearsal.dosing_driver import check_target, make_dose_controller
 from robosim.rehearsal.metrics import compute_figures, find_missed
-from robosim.rehearsal.page import make_page
+from robosim.rehearsal.page import make_charts, make_page
 from robosim.rehearsal.recorded_motion import RecordedMotion, read_log
 from robosim.rehearsal.recorder import RunReadings, finish_recording, make_recorder
 from robosim.rehearsal.result import MISSED_TRAJECTORY, RESULTS, TRAJECTORY, Result
 from robosim.rehearsal.run import RehearsalRun, make_cell
+from robosim.reports.curves import FILE as CURVES
+from robosim.reports.curves import pack_charts
 from robosim.robot.assembly import check_payload
 from robosim.robot.model import Arm
 from robosim.robot.model_errors import draw_model_errors
@@ -179,7 +181,9 @@ def simulate(config: RehearsalConfig, out: Path, options: RunOptions = AS_PLANNE
         try:
             result.failure = None if film is None else try_film(folder, film)
         finally:  # an interrupted film costs no result
-            folder.write_text("index.html", make_page(run, figures, result.missed, folder.path).html())
+            charts = make_charts(run, folder.path)
+            folder.write_json(CURVES, pack_charts(charts))
+            folder.write_text("index.html", make_page(run, figures, result.missed, charts, folder.path).html())
             if result.is_repeatable and not result.missed:
                 result.export_ros2(folder.path / TRAJECTORY)
             folder.write_json("report.json", figures | {"missed": result.missed})

@@ -10,7 +10,8 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from robosim.base.provenance import provenance
-from robosim.reports.plot import Chart, Curve, draw_charts
+from robosim.reports.curves import Chart, Curve
+from robosim.reports.plot import draw_charts
 
 STATUSES = ("pass", "fail", "not run", "stable", "refused", "unstable", "held", "missed")
 """Words that a table shows in a colour of their own."""

@@ -3,11 +3,12 @@ of time, with marks and accepted ranges."""
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 from plotly.graph_objects import Figure, Scatter
 from plotly.subplots import make_subplots
+
+from robosim.reports.curves import Chart, thin_out
 
 MARKERS = ("circle", "square", "diamond", "triangle-down", "triangle-up", "star", "pentagon", "x", "triangle-right",
            "triangle-left")
@@ -16,8 +17,6 @@ LAYOUT = {"template": "plotly_white", "font": {"family": "system-ui, sans-serif"
           "margin": {"l": 70, "r": 20, "t": 46, "b": 50}}
 """Of all figures."""
 CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
-MOST_POINTS = 1500
-"""Points of a curve; of a longer one the least and the largest of each of half as many equal parts are drawn."""
 ROW_HEIGHT, TOP, MARKED_TOP = 180, 40, 90
 """Height of a chart, and of what is above all charts, without and with names of marks [pixels]."""
 
@@ -89,29 +88,6 @@ def to_html(figure: Figure) -> str:
     return figure.to_html(full_html=False, include_plotlyjs=False, config=CONFIG)
 
 
-class Curve(NamedTuple):
-    """A curve of a chart."""
-
-    name: str
-    times: np.ndarray
-    """(n,) [s]"""
-    values: np.ndarray
-    """(n,) in the chart's unit; NaN leaves a gap."""
-    dashed: bool = False
-
-
-class Chart(NamedTuple):
-    """Curves of one unit."""
-
-    title: str
-    """With the unit."""
-    curves: Sequence[Curve]
-    most: float | None = None
-    """Upper end of what is accepted, drawn as a line; `least` likewise."""
-    least: float | None = None
-    is_logarithmic: bool = False
-
-
 def draw_charts(charts: Sequence[Chart], marks: dict[str, float], x: str = "time [s]") -> str:
     """Draw charts with marks on their common axis, named above the first one; return HTML. x: title of the axis."""
     figure = make_subplots(len(charts), 1, shared_xaxes=True, vertical_spacing=0.25 / max(len(charts), 2),
@@ -152,15 +128,3 @@ def draw_charts(charts: Sequence[Chart], marks: dict[str, float], x: str = "time
 def legend_name(row: int) -> str:
     """Return the name of the legend of a chart, as plotly counts them."""
     return "legend" if row == 1 else f"legend{row}"
-
-
-def thin_out(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return at most MOST_POINTS points of a curve, with the least and the largest value of each part of it."""
-    if len(times) <= MOST_POINTS:
-        return times, values
-    kept: list[int] = []
-    for part in np.array_split(np.arange(len(times)), MOST_POINTS // 2):
-        finite = part[np.isfinite(values[part])]
-        kept += sorted({int(finite[find(values[finite])]) for find in (np.argmin, np.argmax)} if len(finite) else
-                       {int(part[0])})
-    return times[kept], values[kept]

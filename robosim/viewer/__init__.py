@@ -1,3 +1,3 @@
 """The viewer in a browser: recordings, also of runs that go on.
 
-Imports: recordings, rendering, mpm."""
+Imports: base, recordings, rendering, reports, mpm."""

@@ -1,5 +1,6 @@
 """The curves of a recording over time, with a cursor in step with its scene."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,12 +9,17 @@ from viser import uplot
 
 from robosim.recordings.header import CurveEntry
 from robosim.recordings.reader import Recording
+from robosim.reports.curves import Chart, Curve
 
 WIDTH, HEIGHT = 380, 130
 """Of the panel beside the scene, and of a chart in it [pixels]."""
 FAR, MARGIN = 100.0, 0.05
 """Heights of a chart by which a curve without a value lies below it; margin above and below, as a share of the range.
 """
+LEAST = 1e-16
+"""Below it a logarithmic chart shows no difference: rounding."""
+ACCEPTED, LEVEL = "accepted", "#22aa22"
+"""Name and colour of the ends of what is accepted."""
 COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f")
 
 
@@ -56,45 +62,74 @@ class History:
 
 
 class Charts:
-    """One chart for each name that curves give, in a panel of its own."""
+    """Charts in a panel of their own: those of the page of a run that has ended, or one for each name that the curves
+    of its recording give."""
 
-    def __init__(self, server: viser.ViserServer, curves: list[CurveEntry], history: History) -> None:
-        self._history = history
-        groups: dict[str, list[int]] = {}
-        for k, curve in enumerate(curves):
-            groups.setdefault(curve.chart, []).append(k)
-        self._columns = list(groups.values())
+    def __init__(self, server: viser.ViserServer, curves: list[CurveEntry], history: History,
+                 charts: Sequence[Chart] = ()) -> None:
+        self._history, self._curves, self._charts = history, curves, charts
         self._handles: list[Any] = []
+        self._rows: list[np.ndarray] = []
         self._ranges: list[tuple[float, float]] = []
-        if not groups:
+        drawn = self._charts or charts_of_frames(curves, history)
+        if not drawn:
             return
         panel = server.gui.add_panel()
         with panel.add_tab("curves"):
-            for name, columns in groups.items():
-                drawn = [curves[k] for k in columns]
+            for chart in drawn:
+                names = [curve.name for curve in with_levels(chart)]
+                colours = [LEVEL if name == ACCEPTED else COLOURS[k % len(COLOURS)] for k, name in enumerate(names)]
+                lines = [uplot.Series(label=name, stroke=colour, width=1.5) for name, colour in zip(names, colours)]
+                now = uplot.Series(label="now", stroke="#222222", width=1.0)
                 self._handles.append(server.gui.add_uplot(
-                    data=tuple(np.zeros(2) for _ in range(len(columns) + 2)), series=(
-                        uplot.Series(label="t [s]"),
-                        *(uplot.Series(label=curve.name, stroke=COLOURS[k % len(COLOURS)], width=1.5)
-                          for k, curve in enumerate(drawn)), uplot.Series(label="now", stroke="#222222", width=1.0)),
-                    title=f"{name} [{drawn[0].unit}]" if drawn[0].unit else name, height=HEIGHT,
+                    data=tuple(np.zeros(2) for _ in range(len(names) + 2)),
+                    series=(uplot.Series(label="t [s]"), *lines, now),
+                    title=f"logarithm of the {chart.title}" if chart.is_logarithmic else chart.title, height=HEIGHT,
                     scales=make_scales(0.0, 1.0), legend=uplot.Legend(show=True)))
         panel.dock_left()
         panel.set_width(WIDTH)
 
     def refresh(self) -> None:
         """Follow the history, which has grown."""
-        self._ranges = [value_range(self._history.values[:, columns]) for columns in self._columns]
+        drawn = self._charts or charts_of_frames(self._curves, self._history)
+        self._rows = [sample(chart, self._history.times) for chart in drawn]
+        self._ranges = [value_range(rows) for rows in self._rows]
         for handle, one in zip(self._handles, self._ranges):
             handle.scales = make_scales(*one)
 
     def show(self, time: float) -> None:
         """Move the cursor to a time [s]."""
-        times, values = self._history.times, self._history.values
+        times = self._history.times
         if len(times) < 2:
             return
-        for handle, columns, (low, high) in zip(self._handles, self._columns, self._ranges):
-            handle.data = add_cursor(times, values[:, columns].T, self._history.nearest(time), low, high)
+        for handle, rows, (low, high) in zip(self._handles, self._rows, self._ranges):
+            handle.data = add_cursor(times, rows, self._history.nearest(time), low, high)
+
+
+def charts_of_frames(curves: list[CurveEntry], history: History) -> list[Chart]:
+    """Return the charts of what every frame has."""
+    groups: dict[str, list[int]] = {}
+    for k, curve in enumerate(curves):
+        groups.setdefault(curve.chart, []).append(k)
+    units = {name: curves[columns[0]].unit for name, columns in groups.items()}
+    return [Chart(f"{name} [{units[name]}]" if units[name] else name,
+                  [Curve(curves[k].name, history.times, history.values[:, k]) for k in columns])
+            for name, columns in groups.items()]
+
+
+def with_levels(chart: Chart) -> list[Curve]:
+    """Return the curves of a chart, and level ones at the ends of what is accepted."""
+    ends = np.array([curve.times[[0, -1]] for curve in chart.curves if len(curve.times)])
+    span = np.array([ends.min(), ends.max()]) if len(ends) else np.zeros(0)
+    return [*chart.curves, *(Curve(ACCEPTED, span, np.full(len(span), level))
+                             for level in (chart.least, chart.most) if level is not None)]
+
+
+def sample(chart: Chart, times: np.ndarray) -> np.ndarray:
+    """Return the curves of a chart as rows (k, n) at times (n,) [s]; of a logarithmic one their logarithms."""
+    rows = np.array([np.interp(times, curve.times, curve.values) if len(curve.times) else np.full(len(times), np.nan)
+                     for curve in with_levels(chart)])
+    return np.log10(np.maximum(rows, LEAST)) if chart.is_logarithmic else rows
 
 
 def make_scales(low: float, high: float) -> dict[str, uplot.Scale]:

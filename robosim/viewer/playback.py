@@ -1,6 +1,7 @@
 """The controls of the viewer: time, speed, cameras, colours and overlays."""
 
 import time as clock
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import viser
 
 from robosim.recordings.header import CameraEntry
 from robosim.recordings.reader import Recording
+from robosim.reports.curves import Chart
 from robosim.viewer.charts import Charts, History
 from robosim.viewer.overlays import OVERLAYS
 from robosim.viewer.scene_view import COLOURINGS, SceneView, aim_first_camera
@@ -20,13 +22,13 @@ plays; and after which slider and cursor are moved while it plays: the browser l
 
 
 class Playback:
-    """Plays a recording, and follows one that is still written."""
+    """Plays a recording, and follows one that is still written. charts: of its run's page, none where it goes on."""
 
-    def __init__(self, server: viser.ViserServer, recording: Recording) -> None:
+    def __init__(self, server: viser.ViserServer, recording: Recording, charts: Sequence[Chart] = ()) -> None:
         self.server, self.recording = server, recording
         self.history = History(recording)
         self.view = SceneView(server, recording, self.history)
-        self.charts = Charts(server, recording.header.curves, self.history)
+        self.charts = Charts(server, recording.header.curves, self.history, charts)
         self._is_following, self._cursor_moved, self._refreshed, self._looked = not recording.is_finished, 0.0, 0.0, 0.0
         self._is_setting = False
         self._add_controls()

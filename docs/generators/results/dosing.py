@@ -1,31 +1,19 @@
-"""The page of the dosing benchmark: metrics of the entries of docs/results/data/dosing."""
+"""The page of the dosing benchmark: metrics of the entries of docs/results/data/dosing, ours and those of others."""
 
-import csv
-
-from dosing_benchmark import DRAWS, HEAD, Entry, convert, measure, read_entry
+from dosing_benchmark import DRAWS, HEAD, measure, read_entry
 
 from generators.markdown import table
-from generators.results.measured import DATA
-
-OWN = {"DoseScoop_pi": ("pi", "DoseScoop", "robosim evaluate DoseScoop --policy pi --suite wide --episodes 40 --alone, "
-                                           "broken off; commit 02c9abfc")}
-"""Rows of `robosim evaluate` -> policy, task and source of their entry; other entries are .json files."""
-
-
-def entries() -> list[Entry]:
-    """Our own entries, made of their rows, and those of others."""
-    made = []
-    for name, origin in OWN.items():
-        with (DATA / "dosing" / f"{name}.csv").open(newline="") as file:
-            made.append(convert(csv.DictReader(file), *origin))
-    return made + [read_entry(path.read_text()) for path in sorted((DATA / "dosing").glob("*.json"))]
+from generators.results.measured import DATA, ROOT
 
 
 def page() -> str:
-    """A table for each entry."""
+    """A table for each entry, and a dose as a picture that moves where there is one."""
     parts = []
-    for entry in entries():
+    for entry in (read_entry(path.read_text()) for path in sorted((DATA / "dosing").glob("*.json"))):
         note = "" if entry.draws >= DRAWS else f" **{entry.draws} of {DRAWS} draws: too few to compare.**"
-        parts.append(f"### {entry.task}: {entry.name}\n\n{entry.kind}, `{entry.source}`.{note}\n\n"
+        picture = f"images/{entry.task}.webp"
+        shown = f"```{{image}} ../{picture}\n:alt: A dose\n:class: figure\n```\n\n" \
+            if (ROOT / "docs" / picture).is_file() else ""
+        parts.append(f"### {entry.task}: {entry.name}\n\n{entry.kind}, `{entry.source}`.{note}\n\n{shown}"
                      + table(HEAD, measure(entry)))
     return "\n".join(parts)

@@ -12,6 +12,8 @@ from typing import Any
 from robosim.base.errors import ConfigError, RobosimError
 from robosim.config.settings import Setting
 from robosim.recordings.reader import Recording, find_recordings
+from robosim.reports.curves import FILE as CURVES
+from robosim.reports.curves import Chart, read_charts
 from robosim.tasks.task import is_task
 from robosim.viewer.playback import Playback
 from robosim.viewer.server import open_server, stop_server
@@ -39,13 +41,25 @@ def view(what: str, *, port: int, plan: bool = False, material: str | None = Non
             path = find_recordings(Path(what))[0] if is_recorded else \
                 stack.enter_context(begin_run(what, material, out, settings or []))
             recording = stack.enter_context(Recording(path))
+            charts = read_page_charts(path.parent) if recording.is_finished else []
             def show(server: Any) -> None:
-                Playback(server, recording).run()
+                Playback(server, recording, charts).run()
         server, address = open_server(port)
         stack.callback(stop_server, server)
         print(f"{address}   (Ctrl-C ends it)", flush=True)
         show(server)
     return 0
+
+
+def read_page_charts(folder: Path) -> list[Chart]:
+    """Return the charts of the page of a run, none where it has no file of them; one that is damaged is said."""
+    try:
+        return read_charts(folder / CURVES)
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError) as error:
+        print(f"{folder / CURVES}: {error}; shown are the curves of the recording", file=sys.stderr)
+        return []
 
 
 @contextlib.contextmanager

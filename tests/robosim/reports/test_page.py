@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robosim.reports.curves import MOST_POINTS, Chart, Curve, thin_out
 from robosim.reports.page import Page
-from robosim.reports.plot import MOST_POINTS, Chart, Curve, draw_charts, thin_out
+from robosim.reports.plot import draw_charts
 
 
 @pytest.mark.slow

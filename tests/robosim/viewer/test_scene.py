@@ -1,5 +1,6 @@
 """Scenes in a browser: what is drawn of a recording, and which grains a camera sees."""
 
+import json
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,9 @@ from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingHeader, RegionEntry
 from robosim.recordings.reader import Recording
 from robosim.recordings.writer import RecordingWriter
-from robosim.viewer.charts import History, add_cursor, value_range
+from robosim.rehearsal.browser.view import read_page_charts
+from robosim.reports.curves import MOST_POINTS, Chart, Curve, pack_charts
+from robosim.viewer.charts import History, add_cursor, sample, value_range
 from robosim.viewer.overlays import join_labels
 from robosim.viewer.playback import Playback, make_bookmark
 from robosim.viewer.scene_view import ASLEEP, OUTSIDE, GrainColours, SceneView, Sight, find_in_sight, find_limits
@@ -88,6 +91,38 @@ def test_a_history_has_what_the_frames_have(recording: Recording) -> None:
     assert np.allclose(history.times, np.arange(5) / 10) and np.allclose(history.values[:, 0], 0.05 * np.arange(5))
     assert np.allclose(history.tool_positions[:, 2], 0.05 * np.arange(5)) and history.largest_force == pytest.approx(5)
     assert [history.nearest(t) for t in (-1.0, 0.0, 0.04, 0.06, 0.2, 9.0)] == [0, 0, 0, 1, 2, 4]
+
+
+def test_charts_of_a_page_are_drawn_at_the_times_of_the_frames(recording: Recording, tmp_path: Path) -> None:
+    """Curves of other times, one with a gap, through the file of a run; beside them what is accepted."""
+    times = np.linspace(0.0, 0.4, 4001)
+    values = np.where(times < 0.25, 100.0 * times, np.nan)
+    charts = [Chart("mass [g]", [Curve("in the tool", times, values)], most=50.0),
+              Chart("ratio [1]", [Curve("linear", times, 10.0 ** (-10 * times))], is_logarithmic=True)]
+    (tmp_path / "curves.json").write_text(json.dumps(pack_charts(charts)))
+    read = read_page_charts(tmp_path)
+    assert [chart.title for chart in read] == ["mass [g]", "ratio [1]"] and len(read[0].curves[0].times) <= MOST_POINTS
+    history = History(recording)
+    history.refresh()
+    mass, accepted = sample(read[0], history.times)
+    assert mass[:3] == pytest.approx([0, 10, 20], abs=0.1) and np.isnan(mass[3:]).all() and np.all(accepted == 50.0)
+    assert sample(read[1], history.times)[0] == pytest.approx(-10 * history.times, abs=0.01)
+    server = start_server()
+    try:
+        playback = Playback(server, recording, read)
+        playback.seek(0.2)
+        assert [handle.title for handle in playback.charts._handles] == ["mass [g]", "logarithm of the ratio [1]"]
+        assert playback.charts._handles[0].data[1][2] == pytest.approx(20, abs=0.1)
+    finally:
+        stop_server(server)
+
+
+def test_a_damaged_file_of_curves_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert read_page_charts(tmp_path) == [] and capsys.readouterr().err == ""
+    for text in ("[{]", '[{"title": 1}]', "{}"):
+        (tmp_path / "curves.json").write_text(text)
+        assert read_page_charts(tmp_path) == []
+        assert "shown are the curves of the recording" in capsys.readouterr().err
 
 
 def test_a_cursor_is_a_vertical_line_and_leaves_the_curves() -> None:
