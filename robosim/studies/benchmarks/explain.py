@@ -23,9 +23,10 @@ SETTINGS = {
     "task": (FINEST["task"], {"cell": 1.5}, {"cell": 1.25}, {"E": 0.25, "dt": 2.0}, {"dt": 0.5},
              {"cell": 1.25, "E": 0.25, "dt": 2.5}),
     "rehearsal": (FINEST["rehearsal"], {"cell": 2.0}, {"cell": 1.5}, {"cell": 1.25}, {"E": 0.25},
-                  {"cell": 1.5, "E": 0.25}, {"cell": 1.25, "E": 0.25}, {"grains_per_cell": 0.6}),
+                  {"cell": 1.5, "E": 0.25}, {"cell": 1.25, "E": 0.25}, {"grains_per_cell": 0.6}, {"host_dt": 2.0},
+                  {"host_dt": 0.5}, {"host_dt": 2.0, "cell": 1.25}),
 }
-"""Settings that are compared: factors on the scene's own cell, step, stiffness and grains per cell."""
+"""Settings that are compared: factors on the scene's own cell, step, stiffness, grains per cell, and MuJoCo step."""
 
 
 def explain(scene: str, *, tolerance: float | None = None, out: Path | None = None, jobs: int = 1) -> int:

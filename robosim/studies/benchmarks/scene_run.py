@@ -126,7 +126,7 @@ class Stopwatch:
 
 def measure_scene(scene: str, setting: dict[str, float]) -> dict[str, Any]:
     """Run a sub-task or a rehearsal; return readings, seconds, simulated seconds, parts and costs.
-    setting: factors on the scene's own "cell", "grains_per_cell", "E" and "dt"."""
+    setting: factors on the scene's own "cell", "grains_per_cell", "E", "dt" of a sub-task, "host_dt" of a rehearsal."""
     mpm.init()
     return run_task(scene, setting) if is_task(scene) else run_rehearsal(scene, setting)
 
@@ -179,7 +179,8 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     field = config.field.model_copy(update={"cell": cell, "grains_per_cell": config.field.grains_per_cell
                                             * setting.get("grains_per_cell", 1.0)})
     wall = "shell" if config.tool_wall == "shell" else float(np.clip(config.solid_wall, 0.5 * cell, cell))
-    config = config.model_copy(update={"field": field, "tool_wall": wall})
+    host_dt = config.host_dt * setting.get("host_dt", 1.0)
+    config = config.model_copy(update={"field": field, "tool_wall": wall, "host_dt": host_dt})
     material = load_material(config.material)
     material = overridden(material, scaled_stiffness(material, setting))
     run = RehearsalRun(plan_motion(config), material=material)

@@ -31,6 +31,7 @@ MODULES = {
     "coupling.carriages": ("carried_load",), "coupling.swinging_ball": ("swinging_ball",),
     "forces.plates": ("plate_map", "plate_pull"), "forces.walls": ("plate_drag", "retaining_wall", "silo_load"),
     "forces.dropped_sphere": ("dropped_sphere",), "scenes.sleeping_scenes": ("sleeping_scenes",),
+    "scenes.longer_steps": ("longer_steps",),
     "robot.kinematics": ("ik_poses", "jerk_limits", "two_models"),
 }
 """Module, which begins with the subject, -> names of its cases, in the order of the report."""
