@@ -24,7 +24,7 @@ from foreign_arms import ARMS as FOREIGN  # noqa: E402
 from foreign_arms import find_arm  # noqa: E402
 from generators.results.measured import DATA  # noqa: E402
 from measuring.learning import dosing, networks, tables  # noqa: E402
-from measuring.pictures import gallery, picture_of_arms, pictures  # noqa: E402
+from measuring.pictures import check_interpreter, gallery, picture_of_arms, pictures  # noqa: E402
 from measuring.running import command, made_by  # noqa: E402
 
 from robosim.base.digests import code_digest  # noqa: E402
@@ -155,7 +155,10 @@ TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
 def main(names: list[str]) -> None:
     """Measure what is named, into a folder that is removed afterwards."""
     DATA.mkdir(parents=True, exist_ok=True)
-    for name in names or [name for name in TASKS if name not in LONG]:
+    chosen = names or [name for name in TASKS if name not in LONG]
+    if "gallery" in chosen:
+        check_interpreter()
+    for name in chosen:
         out = HERE / "_build" / "measured" / name
         shutil.rmtree(out, ignore_errors=True)
         out.mkdir(parents=True)

@@ -16,7 +16,6 @@ from measuring.running import command
 from policies.results.rows import pack_rows
 from policies.results.tables import collect_rows
 from policies.runs.sweep_file import load_sweep, plan_runs
-from robosim.base.provenance import provenance
 
 SCORED = {"wide": ["--suite", "wide"], "hard": ["--suite", "hard"],
           **{f"wide_{arm}": ["--suite", "wide", "--alone", "--arm", "--robot", arm] for arm in ("iiwa14", "ur5e")}}
@@ -82,10 +81,14 @@ def dosing(_: Path) -> None:
     def enter(task: str) -> None:
         out = ROOT / "out" / "dosing" / task
         words = ["evaluate", task, "--policy", "pi", "--suite", "wide", "--episodes", str(DRAWS), "--alone"]
-        if not (out / "evaluation.json").is_file():
+        if not (out / "evaluation.json").is_file():  # which is written last
             command([*words, "--no-video"], out)
+        if not (out / "evaluation.json").is_file():
+            print(f"{out}: broken off, not stored")
+            return
+        made_by = json.loads((out / "evaluation.json").read_text())["made_by"]
         with (out / "evaluation.csv").open(newline="") as file:
-            source = f"robosim {' '.join(words)}; commit {provenance()['commit']}"
+            source = f"robosim {' '.join(words)}; commit {made_by['commit']}"
             entry = convert(csv.DictReader(file), "pi", task, source)
         (DATA / "dosing" / f"{task}_pi.json").write_text(entry.model_dump_json(indent=1) + "\n")
 

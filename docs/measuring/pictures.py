@@ -15,16 +15,14 @@ IMAGES = ROOT / "docs" / "images"
 POSTERS = {"spoon": 8.85, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
 """Rehearsal -> time [s] of its still: grains fall, or move."""
 LOOPS = {
-    "spoon": (["rehearse", "spoon", "--no-video"], "close", 7.6),
-    "scoop": (["rehearse", "scoop", "--no-video"], "close", 2.4),
-    "bottle": (["rehearse", "bottle", "--no-video"], "close", 2.6),
-    "shovel": (["rehearse", "shovel", "--no-video"], "close", 1.6),
-    "dose_spoon": (["rehearse", "dose_spoon", "--no-video"], "close", 5.0),
+    "spoon": (["rehearse", "spoon", "--no-video"], "near", 7.6),
+    "scoop": (["rehearse", "scoop", "--no-video"], "near", 2.4),
+    "bottle": (["rehearse", "bottle", "--no-video"], "near", 2.6),
+    "shovel": (["rehearse", "shovel", "--no-video"], "near", 1.6),
+    "dose_spoon": (["rehearse", "dose_spoon", "--no-video"], "near", 5.0),
     "ur5e": (["rehearse", "spoon", "--no-video", "--set", "robot=ur5e", "--material", "sugar"], "auto", 2.6),
-    "water": (["evaluate", "ScoopPour", "--policy", "scripted", "--episodes", "1", "--material", "water",
-               "--no-video"], "task", 0.2),
-    "push": (["evaluate", "ShovelMove", "--policy", "network", "--episodes", "1", "--no-video"], "task", 0.0),
-    **{task: (["evaluate", task, "--policy", "pi", "--episodes", "1", "--no-video"], "task", 3.0)
+    "push": (["evaluate", "ShovelMove", "--policy", "network", "--episodes", "1", "--no-video"], "near", 0.0),
+    **{task: (["evaluate", task, "--policy", "pi", "--episodes", "1", "--no-video"], "near", 3.0)
        for task in ("DoseSpoon", "DoseScoop", "DoseBottle")}}
 """Loop of the gallery -> command whose run it shows, camera, and time [s] at which it begins."""
 LOOP_SECONDS, LOOP_RATE = 3.0, 12
@@ -54,23 +52,27 @@ def draw(run: Path, out: Path, camera: str, begin: float, end: float, *more: str
     subprocess.run([DRAW, "-m", "robosim", *words, "--out", str(out)], cwd=ROOT, check=True)
 
 
+def check_interpreter() -> None:
+    """End the program where DRAW cannot draw by Filament."""
+    asked = subprocess.run([DRAW, "-c", "import mujoco; print(mujoco.__version__)"], capture_output=True, text=True)
+    if asked.returncode or asked.stdout.startswith("3."):
+        has = f"has MuJoCo {asked.stdout.strip()}" if asked.stdout else f"has no MuJoCo: {asked.stderr[-300:]}"
+        sys.exit(f"gallery: {DRAW} {has}; Filament needs MuJoCo 4. Name an interpreter that has it: DRAW=PYTHON python "
+                 "docs/measure.py gallery (docs/guides/video.md)")
+
+
 def still(run: Path, name: str) -> None:
     """The still of a rehearsal."""
     from PIL import Image
 
     moment, out = POSTERS[name], run / "still"
-    draw(run, out, "auto" if name == "spoon" else "close", moment, moment + 0.1, "--poster", str(moment))
+    draw(run, out, "auto" if name == "spoon" else "near", moment, moment + 0.1, "--poster", str(moment))
     poster = Image.open(out / "poster.png").convert("RGB")
     poster.resize((1280, 720), Image.Resampling.LANCZOS).save(IMAGES / f"{name}.jpg", quality=84, optimize=True)
 
 
 def gallery(out: Path) -> None:
     """Stills of the rehearsals, and the loops."""
-    version = subprocess.run([DRAW, "-c", "import mujoco; print(mujoco.__version__)"], capture_output=True, text=True,
-                             check=True).stdout.strip()
-    if version.startswith("3."):
-        sys.exit(f"gallery: {DRAW} has MuJoCo {version}, and Filament needs 4; name an interpreter that has it: "
-                 "DRAW=PYTHON python docs/measure.py gallery (docs/guides/video.md)")
     for name, (words, camera, begin) in LOOPS.items():
         run = out / name
         command(words, run)

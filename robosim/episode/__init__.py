@@ -2,6 +2,6 @@
 
 Imports: base, config, recordings, rendering, robot, mpm."""
 
-AUTO, ORBIT = FRAMING = ("auto", "orbit")
-"""Cameras of a film that frame what happens: hand, tool and containers over the whole run with the arm, and the same
-while the camera turns about them."""
+AUTO, ORBIT, NEAR = FRAMING = ("auto", "orbit", "near")
+"""Cameras of a film that frame what happens: hand, tool and containers over the whole run with the arm, the same while
+the camera turns about them, and the tool, which the camera follows on the side to which it empties."""

@@ -18,8 +18,8 @@ def compute_ratio(value: float, reference: float) -> float | None:
 def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, float | None]:
     """Compute where the material is as fractions of the scooped mass; positions [m] (n, 3): of the grains at the end.
     delivered, returned and retained count the grains that were in the tool when it was weighed or, in a recorded motion
-    of its own, held most; all grains where a tool that is full at the start is not weighed. spilled counts every grain
-    outside containers, area and tool, also those spilled while scooping.
+    of its own, held most; all grains where neither is asked. spilled counts every grain outside containers, area and
+    tool, also those spilled while scooping.
     """
     mass, config = run.solver.masses(), run.config
     scooped = np.full(len(mass), config.weigh_at is None) if run.scooped is None else run.scooped
@@ -29,7 +29,7 @@ def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, flo
     if config.area:
         delivered = config.area.region.holds(positions)
     retained = run.is_held(positions)
-    if config.weigh_at is not None or config.sources:  # grains in a tool above area or container are not delivered yet
+    if config.pile is None:  # grains in a tool above area or container are not delivered yet; a shovel's are
         delivered &= ~retained
     retained &= ~delivered & ~returned
     spilled = ~(delivered | returned | retained)

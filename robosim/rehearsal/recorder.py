@@ -7,7 +7,6 @@ import numpy as np
 from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.episode.sheet import LOAD
-from robosim.planning.waypoint_path import is_in_container
 from robosim.recordings.frames import GrainState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, find_placed, floats, region_entry
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
@@ -15,7 +14,6 @@ from robosim.rehearsal.mass_balance import GRAVITY
 from robosim.rehearsal.readings import Steps
 from robosim.rehearsal.run import DOSE, RehearsalRun
 from robosim.scene.grains import container_region, grain_volume_of, is_in_tool
-from robosim.scene.grains import is_in_container as holds_grains
 from robosim.shapes import tool_shape
 
 FORCES = ("Fx", "Fy", "Fz")
@@ -108,16 +106,12 @@ class RunReadings:
         return [1e3 * last.mass, 1e3 * last.shown, 1e3 * dosing.target]
 
     def _masses(self, positions: np.ndarray) -> tuple[float, float]:
-        """Masses [g] in the tool, and outside of all places.
-        The region of the tool is larger than its bowl: while it reaches into a container it may hold a part of the
-        bed, which is no load."""
+        """Masses [g] in the tool, not a number while it digs, and outside of all places."""
         run, config = self._run, self._run.config
         pose, masses = run.cell.tool_pose(), self._grain_masses
         held = is_in_tool(config.tool, positions, pose)
-        digs = is_in_container(pose.position[None], config)[0] or any(
-            holds_grains(positions[held], name, config.containers[name]).any() for name in config.sources)
         outside = masses[~find_placed(self._regions, {config.tool_name: pose}, positions)].sum()
-        return (np.nan if digs else 1e3 * float(masses[held].sum())), 1e3 * float(outside)
+        return (np.nan if run.digs(positions, held) else 1e3 * float(masses[held].sum())), 1e3 * float(outside)
 
     def _wrist(self, steps: Steps) -> np.ndarray:
         """Force (3,) [N] at the wrist, world axes, without the weight of hand and tool."""

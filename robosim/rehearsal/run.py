@@ -15,6 +15,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.lip_motion import dose_cup
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import Plan
+from robosim.planning.waypoint_path import is_in_container as reaches_into
 from robosim.rehearsal.comparison import WrenchComparison, compare_wrench
 from robosim.rehearsal.dosing_driver import DosingDriver
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings
@@ -81,8 +82,8 @@ class RehearsalRun:
         self.timings: dict[str, float] = {}
         """Times [s] of what stands beside the steps: "compile", and what a session adds."""
         self.scooped: np.ndarray | None = None
-        """Which grains (n,) were in the tool when it was weighed or, in a recorded motion of its own, held most; None
-        before, or where neither is asked."""
+        """Which grains (n,) were in the tool when it was weighed or, in a recorded motion of its own, when it held most
+        outside of containers; None before, or where neither is asked."""
         self._most = 0 if replay is not None and replay.is_own and config.sources else np.inf
         is_picked, rests = config.pick is not None, self.plan.path.rests
         self.grasp_begin = rests[config.waypoints[1].name][0] + config.grasp_time if is_picked else 0.0
@@ -151,6 +152,13 @@ class RehearsalRun:
         """Return which of the grains at positions (n, 3) [m] are in the tool (n,)."""
         return is_in_tool(self.config.tool, positions, self.cell.tool_pose())
 
+    def digs(self, positions: np.ndarray, held: np.ndarray) -> bool:
+        """Return whether the tool reaches into a container, among grains at positions (n, 3) [m] of which it holds
+        `held` (n,). The region of the tool is larger than its bowl, and may then hold a part of the bed: no load."""
+        config = self.config
+        return bool(reaches_into(self.cell.tool_pose().position[None], config)[0]) or any(
+            is_in_container(positions[held], name, config.containers[name]).any() for name in config.sources)
+
     def weigh_dose(self) -> tuple[float, float]:
         """Return the masses [kg] in the cup of the dose, less what the tool holds above it, and in the tool."""
         name, positions = dose_cup(self.config), self.solver.positions()
@@ -218,7 +226,7 @@ class RehearsalRun:
             held = self.is_held(positions)
             count = int(held.sum())
             self.readings.grains.append(GrainSample(self.time, self._grain_mass * count, lost, awake))
-            if count >= self._most:
+            if count >= self._most and not self.digs(positions, held):
                 self.scooped, self._most = held, count
         if self.scooped is None and self.time >= self._weighing_end:
             self.scooped = self.is_held(self.solver.positions())

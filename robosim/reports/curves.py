@@ -6,9 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mpm.errors import InvalidValue
+from mpm.files import quote
 from robosim.base.input_files import check_form, read_json
 
 FILE = "curves.json"
+COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f", "#c2489b", "#5b6770", "#8f9a1f", "#1c9fb0")
+"""Of the curves of a chart, and of the series of a plot."""
 MOST_POINTS = 1500
 """Points of a curve; of a longer one the least and the largest of each of half as many equal parts are drawn."""
 FORM = [{"title": str, "most": (float, None), "least": (float, None), "is_logarithmic": bool,
@@ -54,6 +58,11 @@ def read_charts(path: Path) -> list[Chart]:
     """Read what `pack_charts` returned; raises OSError, and ValueError for another form."""
     charts = read_json(path)
     check_form(charts, FORM, str(path))
+    for chart in charts:
+        for curve in chart["curves"]:
+            if len(curve["times"]) != len(curve["values"]) or curve["times"] != sorted(curve["times"]):
+                raise InvalidValue(f"{path}: {quote(chart['title'])}, {quote(curve['name'])}: times not in order, or "
+                                   f"not as many as values")
     return [Chart(chart["title"], [
         Curve(curve["name"], np.array(curve["times"], float), np.array(curve["values"], float), curve["dashed"])
         for curve in chart["curves"]], chart["most"], chart["least"], chart["is_logarithmic"]) for chart in charts]

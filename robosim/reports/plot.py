@@ -8,11 +8,10 @@ from typing import Any
 from plotly.graph_objects import Figure, Scatter
 from plotly.subplots import make_subplots
 
-from robosim.reports.curves import Chart, thin_out
+from robosim.reports.curves import COLOURS, Chart, thin_out
 
 MARKERS = ("circle", "square", "diamond", "triangle-down", "triangle-up", "star", "pentagon", "x", "triangle-right",
            "triangle-left")
-COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f", "#c2489b", "#5b6770", "#8f9a1f", "#1c9fb0")
 LAYOUT = {"template": "plotly_white", "font": {"family": "system-ui, sans-serif", "size": 12},
           "margin": {"l": 70, "r": 20, "t": 46, "b": 50}}
 """Of all figures."""

@@ -9,18 +9,19 @@ from viser import uplot
 
 from robosim.recordings.header import CurveEntry
 from robosim.recordings.reader import Recording
-from robosim.reports.curves import Chart, Curve
+from robosim.reports.curves import COLOURS, Chart, Curve
 
 WIDTH, HEIGHT = 380, 130
 """Of the panel beside the scene, and of a chart in it [pixels]."""
 FAR, MARGIN = 100.0, 0.05
 """Heights of a chart by which a curve without a value lies below it; margin above and below, as a share of the range.
 """
+BEYOND = 0.05
+"""Time [s] of a frame before or after a curve at which that still has its first or last value."""
 LEAST = 1e-16
 """Below it a logarithmic chart shows no difference: rounding."""
-ACCEPTED, LEVEL = "accepted", "#22aa22"
-"""Name and colour of the ends of what is accepted."""
-COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f")
+ACCEPTED, LEVEL, DASH = "accepted", "#22aa22", (6.0, 4.0)
+"""Name and colour of the ends of what is accepted; dashes and gaps [pixels]."""
 
 
 class History:
@@ -77,12 +78,12 @@ class Charts:
         panel = server.gui.add_panel()
         with panel.add_tab("curves"):
             for chart in drawn:
-                names = [curve.name for curve in with_levels(chart)]
-                colours = [LEVEL if name == ACCEPTED else COLOURS[k % len(COLOURS)] for k, name in enumerate(names)]
-                lines = [uplot.Series(label=name, stroke=colour, width=1.5) for name, colour in zip(names, colours)]
+                lines = [uplot.Series(label=curve.name, width=1.5, dash=DASH if curve.dashed else (),
+                                      stroke=LEVEL if curve.name == ACCEPTED else COLOURS[k % len(COLOURS)])
+                         for k, curve in enumerate(with_levels(chart))]
                 now = uplot.Series(label="now", stroke="#222222", width=1.0)
                 self._handles.append(server.gui.add_uplot(
-                    data=tuple(np.zeros(2) for _ in range(len(names) + 2)),
+                    data=tuple(np.zeros(2) for _ in range(len(lines) + 2)),
                     series=(uplot.Series(label="t [s]"), *lines, now),
                     title=f"logarithm of the {chart.title}" if chart.is_logarithmic else chart.title, height=HEIGHT,
                     scales=make_scales(0.0, 1.0), legend=uplot.Legend(show=True)))
@@ -121,14 +122,17 @@ def with_levels(chart: Chart) -> list[Curve]:
     """Return the curves of a chart, and level ones at the ends of what is accepted."""
     ends = np.array([curve.times[[0, -1]] for curve in chart.curves if len(curve.times)])
     span = np.array([ends.min(), ends.max()]) if len(ends) else np.zeros(0)
-    return [*chart.curves, *(Curve(ACCEPTED, span, np.full(len(span), level))
+    return [*chart.curves, *(Curve(ACCEPTED, span, np.full(len(span), level), dashed=True)
                              for level in (chart.least, chart.most) if level is not None)]
 
 
 def sample(chart: Chart, times: np.ndarray) -> np.ndarray:
     """Return the curves of a chart as rows (k, n) at times (n,) [s]; of a logarithmic one their logarithms."""
-    rows = np.array([np.interp(times, curve.times, curve.values) if len(curve.times) else np.full(len(times), np.nan)
-                     for curve in with_levels(chart)])
+    rows = np.full((len(with_levels(chart)), len(times)), np.nan)
+    for row, curve in zip(rows, with_levels(chart)):
+        if len(curve.times):
+            inside = (times > curve.times[0] - BEYOND) & (times < curve.times[-1] + BEYOND)
+            row[inside] = np.interp(times[inside], curve.times, curve.values)
     return np.log10(np.maximum(rows, LEAST)) if chart.is_logarithmic else rows
 
 

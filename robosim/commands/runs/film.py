@@ -17,8 +17,8 @@ def add_parser(commands: Any) -> None:
                                  description="Draw a video from the recording of `rehearse`, `evaluate` or `chain`, "
                                  "also of a run that was interrupted, with another camera or size.")
     parser.add_argument("what", type=Path, metavar="RUN", help="folder of a run, or a recording (.rec)")
-    parser.add_argument("--camera", help="camera: auto, orbit, close, overview or wrist, of a sub-task task "
-                        "or side (default: auto, of a sub-task task)")
+    parser.add_argument("--camera", help="camera: auto, orbit, near, close, overview or wrist, of a sub-task "
+                        "task or side (default: auto, of a sub-task task)")
     parser.add_number("--height", default=720, help="height of the pictures [pixels], 16 : 9")
     parser.add_number("--poster", nargs="?", const=True, help="also make poster.png, a still in 4K, at this time [s] "
                       "(default: when the tool empties, or is full)")

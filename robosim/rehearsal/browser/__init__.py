@@ -1,3 +1,3 @@
 """Rehearsals in a browser: followed while they run, planned, and edited.
 
-Imports: base, config, planning, recordings, scene, tasks, viewer."""
+Imports: base, config, planning, recordings, reports, scene, tasks, viewer."""

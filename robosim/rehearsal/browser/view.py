@@ -41,7 +41,8 @@ def view(what: str, *, port: int, plan: bool = False, material: str | None = Non
             path = find_recordings(Path(what))[0] if is_recorded else \
                 stack.enter_context(begin_run(what, material, out, settings or []))
             recording = stack.enter_context(Recording(path))
-            charts = read_page_charts(path.parent) if recording.is_finished else []
+            is_whole = recording.is_finished and recording.header.kind == "rehearsal"
+            charts = read_page_charts(path.parent) if is_whole else []
             def show(server: Any) -> None:
                 Playback(server, recording, charts).run()
         server, address = open_server(port)
@@ -58,7 +59,7 @@ def read_page_charts(folder: Path) -> list[Chart]:
     except FileNotFoundError:
         return []
     except (OSError, ValueError) as error:
-        print(f"{folder / CURVES}: {error}; shown are the curves of the recording", file=sys.stderr)
+        print(f"{error}; shown are the curves of the recording", file=sys.stderr)
         return []
 
 

@@ -181,6 +181,8 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     wall = "shell" if config.tool_wall == "shell" else float(np.clip(config.solid_wall, 0.5 * cell, cell))
     host_dt = config.host_dt * setting.get("host_dt", 1.0)
     config = config.model_copy(update={"field": field, "tool_wall": wall, "host_dt": host_dt})
+    if "host_dt" in setting:
+        type(config).model_validate(config.model_dump())  # raises for one that is not accepted
     material = load_material(config.material)
     material = overridden(material, scaled_stiffness(material, setting))
     run = RehearsalRun(plan_motion(config), material=material)

@@ -15,7 +15,7 @@ from robosim.episode.film import EPISODE, try_film
 from robosim.episode.play import play
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
-from robosim.studies.evaluation.page import make_page
+from robosim.studies.evaluation.page import make_page, short_name
 from robosim.studies.evaluation.policies import check_task, make_policy, training_options
 from robosim.tasks.task import load_task
 
@@ -65,7 +65,8 @@ def _score_episode(env: GrainEnv, name: str, seed: int, nominal: bool, folder: O
     """Play one episode and return its figures; a recording in a folder takes a frame after each action."""
     observation, _ = env.reset(seed=seed, options={"nominal": nominal})
     policy = make_policy(name, env, seed)
-    with EpisodeRecorder(env, folder.path / RECORDING, name) if folder else contextlib.nullcontext() as recorder:
+    recording = EpisodeRecorder(env, folder.path / RECORDING, short_name(name)) if folder else None
+    with recording or contextlib.nullcontext() as recorder:
         total, info = play(env, policy, observation=observation, hooks=[recorder.add] if recorder else [])
     return {"seed": seed, "return": total, "tcs": info["tcs"], "tcs_terms": info["tcs_terms"],
             "is_success": info["is_success"], "readings": info["readings"], "diverged": info.get("diverged"),

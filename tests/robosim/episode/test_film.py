@@ -13,13 +13,14 @@ from PIL import Image
 
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.commands.main import main
-from robosim.episode.cameras import ASPECT, FOVY_DEG, frame
+from robosim.episode.cameras import ASPECT, FOVY_DEG, follow_tool, frame
 from robosim.episode.film import FilmFailed, FilmStyle, Pictures, film_run
 from robosim.episode.sheet import LOAD, name_passage
 from robosim.recordings.frames import GrainState, SceneState
-from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry
+from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingHeader, RegionEntry, WaypointEntry
 from robosim.recordings.reader import Recording
 from robosim.recordings.scene_recorder import SceneRecorder
+from robosim.recordings.writer import RecordingWriter
 from robosim.rendering.renderer import SceneRenderer
 
 SCENE = """<mujoco>
@@ -181,7 +182,7 @@ def test_what_cannot_be_drawn_is_named(tmp_path: Path, monkeypatch: pytest.Monke
         recording.appearance = recording.appearance[:-2000]
         with pytest.raises(ConfigError, match=r"recording.rec: damaged: what its scene looks like: .*record the run"):
             Pictures(recording, FilmStyle())
-    with pytest.raises(UnknownName, match="unknown camera 'top'; valid: auto, close, orbit, wrist"):
+    with pytest.raises(UnknownName, match="unknown camera 'top'; valid: auto, close, near, orbit, wrist"):
         film_run(tmp_path, style=FilmStyle("top"))
 
     def fill(*_: object) -> None:
@@ -191,3 +192,30 @@ def test_what_cannot_be_drawn_is_named(tmp_path: Path, monkeypatch: pytest.Monke
     with pytest.raises(FilmFailed, match="no film: .*No space left"):
         film_run(tmp_path)
     assert [path.name for path in tmp_path.glob("*.*")] == ["recording.rec"]
+
+
+@pytest.mark.parametrize(("axis", "opens"), [((1.0, 0.0, 0.0), (0.0, -1.0)), ((0.0, -1.0, 0.0), (-1.0, 0.0)),
+                                             (None, (0.0, 1.0))])
+def test_the_near_camera_follows_the_tool_and_looks_into_it(
+        axis: tuple[float, float, float] | None, opens: tuple[float, float], tmp_path: Path) -> None:
+    """A bowl that moves along y and tips about an axis; an upright one is seen from the side to which it moves."""
+    none = GrainState(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool))
+    header = RecordingHeader(
+        version=VERSION, kind="scene", title="", frame_rate=10.0, grains=0, grain_radius=0.01, colour=(0.9, 0.8, 0.7),
+        lower=(-1, -1, -1), upper=(1, 1, 1), tool="bowl",
+        regions=[RegionEntry(name="inside", body="bowl", position=(0.0, 0.0, 0.05), half=(0.03, 0.03, 0.03)),
+                 RegionEntry(name="tub", position=(0.0, 0.4, 0.0), half=(0.1, 0.1, 0.05))],
+        bodies=[BodyEntry(name="bowl", moves=True, position=(0, 0, 0), quaternion=(1, 0, 0, 0))])
+    writer = RecordingWriter(tmp_path / "recording.rec", header, {})
+    for k in range(31):
+        turn = np.array(axis or (0.0, 0.0, 1.0)) * np.sin(np.radians(max(k - 20, 0) * 9.0 / 2.0))
+        pose = [0, 0.02 * k, 0.3, np.cos(np.radians(max(k - 20, 0) * 9.0 / 2.0)), *turn]
+        writer.add(SceneState(0.1 * k, np.array([pose]), np.zeros(6), np.zeros(0)), none)
+    writer.close()
+    with Recording(tmp_path / "recording.rec") as recording:
+        camera = follow_tool(recording)
+    first, last = camera(0.0), camera(3.0)
+    assert last.lookat[1] - first.lookat[1] == pytest.approx(0.55, abs=0.1) and first.azimuth == last.azimuth
+    sight = np.array([np.cos(np.radians(last.azimuth)), np.sin(np.radians(last.azimuth))])
+    assert sight @ opens == pytest.approx(-np.cos(np.radians(55.0)))
+    assert last.distance * np.tan(np.radians(FOVY_DEG / 2)) * ASPECT * 2 == pytest.approx(3.1 * 0.2)

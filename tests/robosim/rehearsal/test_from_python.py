@@ -83,7 +83,7 @@ def test_a_film_is_seen_from_a_camera_that_the_scene_has(short: Path, tmp_path: 
     """The camera at the wrist is that of the hand; a tool that is bolted to the flange has none."""
     model = compile_rehearsal(load_rehearsal(str(short))).model
     assert find_camera(model, "close") == "close" and find_camera(model, "wrist") == "hand_wrist"
-    with pytest.raises(robosim.UnknownName, match="'wrist'; valid: auto, close, orbit, overview"):
+    with pytest.raises(robosim.UnknownName, match="'wrist'; valid: auto, close, near, orbit, overview"):
         Rehearsal(short, gripper="none").run(out=tmp_path, camera="wrist")
 
 

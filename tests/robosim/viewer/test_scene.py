@@ -119,7 +119,9 @@ def test_charts_of_a_page_are_drawn_at_the_times_of_the_frames(recording: Record
 
 def test_a_damaged_file_of_curves_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert read_page_charts(tmp_path) == [] and capsys.readouterr().err == ""
-    for text in ("[{]", '[{"title": 1}]', "{}"):
+    curve = '{"name": "a", "times": [0, 1], "values": [0], "dashed": false}'
+    uneven = f'[{{"title": "a", "most": null, "least": null, "is_logarithmic": false, "curves": [{curve}]}}]'
+    for text in ("[{]", '[{"title": 1}]', "{}", uneven):
         (tmp_path / "curves.json").write_text(text)
         assert read_page_charts(tmp_path) == []
         assert "shown are the curves of the recording" in capsys.readouterr().err
