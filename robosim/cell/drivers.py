@@ -81,6 +81,11 @@ class ReplayDriver(MotionDriver):
         return True
 
 
+def plans_itself(own: Any) -> bool:
+    """Return whether a user's driver has a method `begin`, and so plans by itself; `begin` may be a time of its own."""
+    return not isinstance(own, type) and callable(getattr(own, "begin", None))
+
+
 class OwnDriver(MotionDriver):
     """Commands what a user's object or function returns, and checks it before anything moves.
 
@@ -104,7 +109,7 @@ class OwnDriver(MotionDriver):
         if not isinstance(length, float | int) or not 0.0 < length <= LONGEST:
             raise ConfigError(f"driver {self.name}: duration = {length!r} s; accepted: above 0, up to {LONGEST:g} s")
         self._length, self._arm, self._dt, self._read = float(length), arm, dt, read
-        self._plans = hasattr(own, "begin")
+        self._plans = plans_itself(own)
         self._last = motion.state(0.0).q
         self._sent: deque[JointState] = deque(maxlen=round(latency / dt) + 1)
 

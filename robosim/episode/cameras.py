@@ -25,7 +25,7 @@ MARGIN, LOOKS = 1.06, 60
 NEAR_ELEVATION_DEG, BESIDE_DEG, LEAST_TILT_DEG = -27.0, 55.0, 25.0
 """Of `NEAR`: height of its sight, angle between it and the side to which the tool opens as it empties, and least tilt
 that counts as emptying; a tool that stays upright is seen from the side to which it moves."""
-NEAR_WIDTH, LEAST_WIDTH, BELOW, NEAR_LAG = 3.1, 0.25, 0.1, 0.5
+NEAR_WIDTH, LEAST_WIDTH, BELOW, NEAR_LAG = 3.1, 0.25, 0.16, 0.5
 """Width of what is seen, in the widest place of grains, and at least [m]; how far below the tool its middle is, in this
 width; and time [s] over which the tool's way is smoothed."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.cell.cell import Cell
-from robosim.cell.drivers import MotionDriver, OwnDriver, ReplayDriver, RobotState
+from robosim.cell.drivers import MotionDriver, OwnDriver, ReplayDriver, RobotState, plans_itself
 from robosim.config.materials import MaterialConfig, load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.planning.lip_motion import dose_cup
@@ -104,7 +104,7 @@ class RehearsalRun:
         if self.replay is not None and self.replay.is_own:
             return ReplayDriver(motion, config.grasp_time, late)
         if config.dose is None:
-            if hasattr(own, "begin") and not isinstance(own, type):
+            if plans_itself(own):
                 own.begin(self)
             return MotionDriver(motion, config.grasp_time, late) if own is None else \
                 OwnDriver(own, motion, config.grasp_time, late, arm, config.host_dt, self._read_robot)
