@@ -121,9 +121,13 @@ def follow_tool(recording: Recording) -> Callable[[float], mujoco.MjvCamera]:
 
 
 def tool_pose(recording: Recording, poses: np.ndarray, inside: RegionEntry | None) -> mpm.Pose:
-    """Return the world pose of the inside of a tool in a frame; of its middle body where there is none."""
+    """Return the world pose of the inside of a tool in a frame; without one of the tool, or of the middle of what moves
+    or of the scene."""
     moving = [body.name for body in recording.header.moving]
     bodies = {name: mpm.Pose(row[:3], row[3:]) for name, row in zip(moving, poses)}
     if inside is not None:
         return region_pose(inside, bodies)
-    return bodies.get(recording.header.tool) or mpm.Pose(poses[:, :3].mean(0), np.array([1.0, 0.0, 0.0, 0.0]))
+    if recording.header.tool in bodies:
+        return bodies[recording.header.tool]
+    middle = poses[:, :3].mean(0) if len(poses) else np.mean([recording.header.lower, recording.header.upper], axis=0)
+    return mpm.Pose(middle, np.array([1.0, 0.0, 0.0, 0.0]))
