@@ -22,7 +22,7 @@ AZIMUTH_DEG, ELEVATION_DEG, SWING_DEG = 152.0, -21.0, 40.0
 """Direction of sight, from the other side of the table, and half the angle through which `ORBIT` turns."""
 MARGIN, LOOKS = 1.06, 60
 """Room around what is framed, and frames that are looked at for it."""
-NEAR_ELEVATION_DEG, BESIDE_DEG, LEAST_TILT_DEG = -27.0, 55.0, 25.0
+NEAR_ELEVATION_DEG, BESIDE_DEG, LEAST_TILT_DEG = -38.0, 55.0, 25.0
 """Of `NEAR`: height of its sight, angle between it and the side to which the tool opens as it empties, and least tilt
 that counts as emptying; a tool that stays upright is seen from the side to which it moves."""
 NEAR_WIDTH, LEAST_WIDTH, BELOW, NEAR_LAG = 3.1, 0.25, 0.16, 0.5
