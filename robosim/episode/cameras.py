@@ -26,8 +26,8 @@ NEAR_ELEVATION_DEG, BESIDE_DEG, LEAST_TILT_DEG = -38.0, 55.0, 25.0
 """Of `NEAR`: height of its sight, angle between it and the side to which the tool opens as it empties, and least tilt
 that counts as emptying; a tool that stays upright is seen from the side to which it moves."""
 NEAR_WIDTH, LEAST_WIDTH, BELOW, NEAR_LAG = 3.1, 0.25, 0.16, 0.5
-"""Width of what is seen, in the widest place of grains, and at least [m]; how far below the tool its middle is, in this
-width; and time [s] over which the tool's way is smoothed."""
+"""Width of what is seen, in the widest place of grains, and at least [m]; how far below a tool that empties its middle
+is, in this width; and time [s] over which the tool's way is smoothed."""
 
 
 def find_camera(model: mujoco.MjModel, name: str) -> str:
@@ -100,8 +100,9 @@ def follow_tool(recording: Recording) -> Callable[[float], mujoco.MjvCamera]:
     places = gaussian_filter1d(np.array([pose.position for pose in poses]), steps, axis=0, mode="nearest")
     up = np.array([pose.matrix[:, 2] for pose in poses])
     opens = up[np.argmin(up[:, 2])]
+    below = BELOW
     if opens[2] > np.cos(np.radians(LEAST_TILT_DEG)):
-        way = places - places[0]
+        way, below = places - places[0], 0.0
         opens = way[np.argmax(np.linalg.norm(way[:, :2], axis=1))]
     side = np.degrees(np.arctan2(-opens[1], -opens[0]))  # of a camera that looks into the tool
     azimuth = min((side - BESIDE_DEG, side + BESIDE_DEG),
@@ -114,7 +115,7 @@ def follow_tool(recording: Recording) -> Callable[[float], mujoco.MjvCamera]:
         result.type, result.azimuth, result.elevation = mujoco.mjtCamera.mjCAMERA_FREE, azimuth, NEAR_ELEVATION_DEG
         result.distance = width / (2.0 * ASPECT * np.tan(np.radians(FOVY_DEG / 2)))
         result.lookat[:] = [np.interp(time, times, column) for column in places.T]
-        result.lookat[2] -= BELOW * width
+        result.lookat[2] -= below * width
         return result
 
     return camera
