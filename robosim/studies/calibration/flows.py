@@ -26,15 +26,26 @@ def simulate_heap(heap: HeapExperiment, card: MaterialConfig, floor_friction: fl
     """Return the heights [m] (n,) of the heap at distances [m] (n,) from its axis.
     seed: of the particles' initial places. Raises mpm.SimulationDiverged."""
     solver = make_column(heap, card.make_law(), floor_friction, seed)
-    if heap.lift_speed is not None:  # until it is above the column's top
+    let_go(heap, solver)
+    heights = heights_of(heap, solver, distances)
+    solver.close()
+    return heights
+
+
+def let_go(heap: HeapExperiment, solver: mpm.Solver) -> None:
+    """Lift the cylinder, where there is one, until it is above the column's top, and wait until the heap is at rest."""
+    if heap.lift_speed is not None:
         risen, step = 0.0, min(0.02, heap.radius / heap.cells / heap.lift_speed)
         while risen < heap.height:
             begin, risen = risen, risen + heap.lift_speed * step
             solver.set_collider_motion(0, cylinder_pose(heap, begin), cylinder_pose(heap, risen))
             solver.advance(step)
     solver.advance(6.0 * math.sqrt(heap.height / G))  # Lube et al. (2004) found columns at rest after half of it
+
+
+def heights_of(heap: HeapExperiment, solver: mpm.Solver, distances: np.ndarray) -> np.ndarray:
+    """Return the heights [m] (n,) of the heap at distances [m] (n,) from its axis."""
     positions, volume = solver.positions(), float(np.max(solver.bodies[0].volume or 0.0))
-    solver.close()
     return ring_heights(np.hypot(positions[:, 0], positions[:, 1]), volume, heap.radius / heap.cells, distances)
 
 

@@ -6,7 +6,7 @@ strides): see `mpm.Solver`; volume_rate: see `mpm.NewtonianFluid`; face_cells: s
 stiffness: Young's modulus [Pa]; mass [kg]; duration [s]; host_step: of MuJoCo [s]; friction_deg: whose tangent the sand
 carries in simple shear; phi_deg: friction angle [deg].
 
-Imports: base, coupling, scene, mpm."""
+Imports: base, config, coupling, scene, mpm."""
 
 from collections.abc import Iterable
 from importlib import import_module
@@ -20,16 +20,19 @@ if TYPE_CHECKING:
 MODULES = {
     "continuum.motion": ("free_fall", "slow_translation", "spin", "bar", "elastic_energy"),
     "continuum.manufactured": ("axis_aligned", "vortex"), "continuum.statics": ("uniaxial", "column_weight"),
-    "fluid": ("hydrostatic", "dam_break", "lock_gate"),
+    "fluid.water": ("hydrostatic", "dam_break", "lock_gate"), "fluid.lifted_columns": ("lifted_column",),
     "granular.element": ("return_mapping", "element_path"), "granular.slopes": ("slope", "heap", "chute_flow"),
     "granular.collapse_profile": ("collapse_profile",),
     "granular.discharge": ("orifice", "small_hole"), "granular.rotating_drum": ("rotating_drum",),
+    "granular.drum_layer": ("drum_layer", "drum_slope"),
+    "granular.outflow": ("lifted_gate", "slot_of_beads", "lifted_can"),
     "granular.sleeping": ("sleeping",),
     "coupling.shell_leak": ("shell_leak",), "coupling.impacts": ("closed_system", "bar_impact"),
     "coupling.floating": ("floating_cube",),
     "coupling.blocks": ("block_at_rest", "sliding_block", "rest_height"),
     "coupling.carriages": ("carried_load",), "coupling.swinging_ball": ("swinging_ball",),
-    "forces.plates": ("plate_map", "plate_pull"), "forces.walls": ("plate_drag", "retaining_wall", "silo_load"),
+    "forces.plates": ("plate_map", "plate_pull"), "forces.round_plates": ("round_plate",),
+    "forces.walls": ("plate_drag", "retaining_wall", "silo_load"),
     "forces.dropped_sphere": ("dropped_sphere",), "scenes.sleeping_scenes": ("sleeping_scenes",),
     "scenes.longer_steps": ("longer_steps",),
     "robot.kinematics": ("ik_poses", "jerk_limits", "two_models"),

@@ -10,7 +10,7 @@ import mpm
 from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
 from robosim.studies.verification.cases.beds import fill_box
 from robosim.studies.verification.cases.expectations import judge
-from robosim.studies.verification.cases.fluid import lock_gate
+from robosim.studies.verification.cases.fluid.water import lock_gate
 from robosim.studies.verification.stability import SLEEPING_AXES, SLEEPING_PREFIX, cell
 from robosim.studies.verification.stability.arm import ROBOT_AXES
 from robosim.studies.verification.stability.cell import DENSITY, NU, CellResult, G, Outcome, make_sand, sound_speed

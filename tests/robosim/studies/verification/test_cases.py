@@ -14,7 +14,7 @@ FAST = {"free_fall": 1, "slow_translation": 1, "spin": 2, "elastic_energy": 1, "
         "element_path": 1, "heap": 2, "hydrostatic": 1, "column_weight": 2, "chute_flow": 1, "collapse_profile": 1,
         "lock_gate": 1, "shell_leak": 1, "closed_system": 1, "rest_height": 1, "sliding_block": 1, "retaining_wall": 2,
         "dropped_sphere": 2, "carried_load": 1, "two_models": 1,
-        "jerk_limits": 1}
+        "jerk_limits": 1, "lifted_column": 1, "drum_slope": 1}
 """Case -> how many runs of its quick list are run for every change, which compiles for each; all others are slow."""
 DEFAULT = ("uniaxial", "return_mapping", "element_path", "column_weight", "sliding_block", "retaining_wall",
            "two_models", "jerk_limits")
@@ -45,13 +45,19 @@ ALSO: dict[str, tuple[Expectation, ...]] = {
 }
 """What holds in these runs beyond the expectations of a report."""
 LIMITS = {
-    ("rotating_drum", "volume"): (-0.06, -0.02),
+    ("rotating_drum", "volume"): (-0.18, -0.02),
     ("orifice", "power of free_width in rate"): (1.35, 1.4),
     ("plate_map", "drag"): (0.15, 0.2), ("plate_map", "straight"): (0.8, 0.97),
     ("plate_map", "power of area in force"): (0.8, 0.9),
     ("plate_pull", "ratio"): (0.03, 0.1),
     ("dropped_sphere", "depth"): (-0.35, -0.2),
     ("sliding_block", "acceleration"): (0.05, 0.08),  # of a block that tips
+    ("longer_steps", "mass"): (-0.08, -0.05),  # of a scoop at 1 ms, against finer cells
+    # no law of ours has sand that is looser than critical, and contracts under a plate
+    ("round_plate", "force"): (-0.7, -0.3), ("round_plate", "depth power"): (0.3, 1.16),
+    ("round_plate", "ratio of force 0.01 m, diameter 0.06 to 0.1"): (3.5, 4.3),
+    # single spheres dilate at a slot; rolling is hindered in a heap of rice
+    ("slot_of_beads", "rate"): (0.25, 0.4), ("lifted_can", "slope"): (-16.0, -3.0),
 }
 """Case and expectation -> range of a value that fails."""
 MORE: dict[str, list[list[dict]]] = {

@@ -9,13 +9,15 @@ import pytest
 import mpm
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import folder
+from robosim.studies.verification.cases import references
 from robosim.studies.verification.cases.case import Comparison
 from robosim.studies.verification.cases.dense_sand import DenseSand, shear_ratio
 from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.forces import dropped_sphere, plates, resistive_force
 from robosim.studies.verification.cases.forces.plate_bed import make_sand
-from robosim.studies.verification.cases.forces.resistive_force import plane_alpha, read_reference, space_alpha
+from robosim.studies.verification.cases.forces.resistive_force import plane_alpha, space_alpha
 from robosim.studies.verification.cases.forces.walls import coulomb_passive, janssen, rankine
+from robosim.studies.verification.cases.references import read_reference
 from robosim.studies.verification.report_page import draw_comparison
 
 
@@ -80,7 +82,7 @@ def test_a_wrong_file_of_references_is_named(tmp_path: Path, monkeypatch: pytest
     target.parent.mkdir()
     target.write_text((folder("configs") / "references" / "impact.yaml").read_text().replace("prefactor: 0.14",
                                                                                             "prefactor: much"))
-    monkeypatch.setattr(resistive_force, "folder", lambda name: tmp_path)
+    monkeypatch.setattr(references, "folder", lambda name: tmp_path)
     with pytest.raises(ConfigError, match=r"impact\.yaml.*prefactor.*accepted"):
         read_reference.__wrapped__("impact")
 

@@ -8,7 +8,7 @@ import pytest
 from robosim.base.errors import UnknownName
 from robosim.studies.verification.cases.continuum import manufactured
 from robosim.studies.verification.cases.coupling import swinging_ball as ball
-from robosim.studies.verification.cases.granular import discharge, rotating_drum
+from robosim.studies.verification.cases.granular import discharge, drum, rotating_drum
 
 
 @pytest.mark.parametrize(("model", "expected"), [
@@ -41,12 +41,12 @@ def test_a_slope_of_a_drum_is_found_from_its_grains() -> None:
         tilt, x = math.radians(degrees), rng.uniform(-0.1, 0.1, (200000, 3))
         below = x[:, 2] * math.cos(tilt) + x[:, 0] * math.sin(tilt) < level * 0.1
         x = x[below & (np.hypot(x[:, 0], x[:, 2]) < 0.1)]
-        angle, height = rotating_drum.surface_line(x, 0.005)
+        angle, height = drum.surface_line(x, 0.005, 0.1)
         assert angle == pytest.approx(degrees, abs=0.5) and height == pytest.approx(0.1 * level + 0.00125, abs=5e-4)
         assert rotating_drum.centre_slope(x) == pytest.approx(degrees, abs=0.5)
     for share in (0.2, 0.5, 0.8):
-        level = rotating_drum.level_of(share)
-        assert rotating_drum.share_of(level) == pytest.approx(share)
+        level = drum.level_of(share)
+        assert drum.share_of(level) == pytest.approx(share)
         strips = np.linspace(-1.0, level, 200001)
         chords = 2.0 * np.sqrt(np.clip(1.0 - strips**2, 0.0, None))
         assert np.trapezoid(chords, strips) / math.pi == pytest.approx(share, abs=1e-5)

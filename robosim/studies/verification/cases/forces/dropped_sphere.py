@@ -9,7 +9,7 @@ from robosim.studies.verification.cases.beds import resting_body
 from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Power, Within
 from robosim.studies.verification.cases.forces.plate_bed import DENSITY, E, G, make_sand
-from robosim.studies.verification.cases.forces.resistive_force import read_reference
+from robosim.studies.verification.cases.references import read_reference
 from robosim.studies.verification.cases.rigid_body import couple, one_body
 
 USUAL = {"cell": 0.004, "friction_deg": 24.0, "stiffness": E}

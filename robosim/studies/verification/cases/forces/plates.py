@@ -10,6 +10,7 @@ from robosim.studies.verification.cases.expectations import Power, Within
 from robosim.studies.verification.cases.forces import plate_bed
 from robosim.studies.verification.cases.forces import resistive_force as theory
 from robosim.studies.verification.cases.forces.plate_bed import SIDE, UNIT_WEIGHT, Plate, Pushed, make_sand, push
+from robosim.studies.verification.cases.references import read_reference
 
 DIRECTIONS = {
     "down": ((0, 90),),
@@ -73,7 +74,7 @@ def compare_map(records: list[Record]) -> list[Comparison]:
     comparisons = []
     for square, name, what in ((False, "resistive_force_2d", "strip against the theory in a plane"),
                                (True, "resistive_force_3d", "square plate against the theory in space")):
-        reference = theory.read_reference(name)
+        reference = read_reference(name)
         series = {record.label("cell", "friction_deg", "stiffness", "side"): [
             (getattr(expected(beta, gamma, square), component),
              record.readings[name_of(component, beta, gamma)] / record.readings["scale"],
@@ -141,7 +142,7 @@ def plate_map(*, cell: float = 0.008, directions: str = "map", square: bool = Fa
 
 def compare_pull(records: list[Record]) -> list[Comparison]:
     """Return the measured ratio by cell, beside that of the published tables."""
-    reference = theory.read_reference("resistive_force_2d")
+    reference = read_reference("resistive_force_2d")
     cells = sorted({float(record.choices["cell"] or 0.0) for record in records})
     measured: dict[str, list] = {}
     for record in records:

@@ -4,26 +4,11 @@ intrusion, -90 deg withdrawal. The force on it is (-alpha_x, alpha_z) times dept
 sources are in configs/references/resistive_force_2d.yaml and resistive_force_3d.yaml."""
 
 import math
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from robosim.base.errors import ConfigError
-from robosim.base.input_files import check_form
-from robosim.base.resources import folder
-from robosim.config.table import read
-
-FORMS: dict[str, Any] = {
-    "resistive_force_2d": {"source": str, "uncertainty": float, "uncertainty_note": str, "terms": [str],
-                           "media": {str: [float]}, "bulk_density": {str: float}},
-    "resistive_force_3d": {"source": str, "uncertainty": float, "uncertainty_note": str, "f1": [float], "f2": [float],
-                           "f3": [float], "doubtful": [{"function": str, "term": int, "value": float}],
-                           "scale": [float]},
-    "impact": {"source": str, "uncertainty": float, "uncertainty_note": str, "prefactor": float,
-               "exponents": {"density": float, "diameter": float, "drop": float}},
-}
-"""Form of each file of references."""
+from robosim.studies.verification.cases.references import read_reference
 
 
 class Alpha(NamedTuple):
@@ -33,18 +18,6 @@ class Alpha(NamedTuple):
     """Against the horizontal part of the motion, as gamma = 0 has it."""
     z: float
     """Upwards."""
-
-
-@cache
-def read_reference(name: str) -> dict[str, Any]:
-    """Read a file of configs/references. Raises ConfigError for one that holds anything else than it should."""
-    path = folder("configs") / "references" / f"{name}.yaml"
-    content: Any = read(path)
-    try:
-        check_form(content, FORMS[name])
-    except ValueError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    return content
 
 
 def plane_alpha(beta_deg: float, gamma_deg: float, medium: str = "generic") -> Alpha:

@@ -1,3 +1,3 @@
 """Cases of granular matter.
 
-Imports: base, scene, mpm."""
+Imports: base, config, scene, mpm."""

@@ -3,54 +3,18 @@
 import math
 
 import numpy as np
-from scipy.optimize import brentq
 
 import mpm
-from mpm.backend import ti
-from mpm.geometry.shape import Shape
-from robosim.studies.verification.cases.beds import SMOOTH_SLICE, courant_step, set_up, shear_ratio
+from robosim.studies.verification.cases.beds import shear_ratio
 from robosim.studies.verification.cases.case import Record, case
 from robosim.studies.verification.cases.expectations import Ratio, each_within
+from robosim.studies.verification.cases.granular.drum import G, TurnedDrum, share_of
 
 _USUAL = {"friction_deg": 30.0, "froude": 4e-3, "wall_friction": 1.0}
-RADIUS, DENSITY, NU, G, E = 0.1, 1500.0, 0.3, 9.81, 1e5
-WALL = 4.0
-"""Thickness of the drum's wall [cells]."""
+RADIUS, DENSITY, NU, E = 0.1, 1500.0, 0.3, 1e5
 BEGIN, TURN, LOOKS = 1.6, 2.6, 40
 """Turn [rad] before the measurement; whole turn; readings. The sand first turns with the drum, to 42 deg, slips down to
 29 deg and back up: from 1.6 rad on the slope is steady."""
-
-
-class Drum(Shape):
-    """The wall of a round pipe about the frame's y axis: points between r and r + wall [m] from it."""
-
-    def __init__(self, r: float, wall: float) -> None:
-        self.r, self.wall, self.radius = r, wall, 2.0 * (r + wall)
-
-    @ti.func
-    def at(self, y):
-        around = ti.sqrt(y[0] * y[0] + y[2] * y[2] + 1e-24)
-        outward = y / around
-        outward[1] = 0.0 * y[1]
-        middle = self.r + 0.5 * self.wall
-        return ti.select(around < middle, -1.0, 1.0) * outward, ti.abs(around - middle) - 0.5 * self.wall
-
-    def distance(self, points: np.ndarray) -> np.ndarray:
-        around = np.hypot(points[..., 0], points[..., 2])
-        return np.abs(around - self.r - 0.5 * self.wall) - 0.5 * self.wall
-
-    def least_thickness(self) -> float:
-        return self.wall
-
-
-def level_of(fill: float) -> float:
-    """Return the height of a level surface over the axis, in radii, for a share of the circle."""
-    return float(brentq(lambda level: share_of(level) - fill, -1.0, 1.0))  # pyright: ignore[reportArgumentType]
-
-
-def share_of(level: float) -> float:
-    """Return the share of a circle below a straight surface, from its height over the axis in radii."""
-    return 0.5 + (level * math.sqrt(1.0 - level**2) + math.asin(level)) / math.pi
 
 
 @case(
@@ -80,62 +44,25 @@ def rotating_drum(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 3
     phi = math.degrees(math.asin(math.tan(math.radians(friction_deg))))
     sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=phi, cone="plane_strain")
     limit = math.degrees(math.atan(shear_ratio(phi, "plane_strain")))
-    half = RADIUS + (WALL + 2) * cell
-    grains = mpm.sample_box((-RADIUS, 0, -RADIUS), (RADIUS, cell, level_of(fill) * RADIUS), cell / 2)
-    grains = grains[np.hypot(grains[:, 0], grains[:, 2]) < RADIUS]
-    volume = fill * math.pi * RADIUS**2 * cell / len(grains)
-    drum = mpm.Collider(Drum(RADIUS, WALL * cell), friction=wall_friction)
-    timed, solver = set_up(mpm.Body(sand, grains, volume=volume), (half, cell, half), cell, lower=(-half, 0, -half),
-                           colliders=[drum], precision="f32", walls=SMOOTH_SLICE, gravity=(0, 0, -G),
-                           dt=courant_step(0.5, cell, sand))
-    timed.settle(0.05)
-    before = share_of(surface_line(solver.positions(), cell)[1] / RADIUS)
-    speed, weight = math.sqrt(froude * G / RADIUS), solver.masses().sum() * G
-    step, turned, rows = (TURN - BEGIN) / LOOKS, 0.0, []
-    while turned < TURN - 1e-9:
-        solver.set_collider_motion(0, turned_by(turned), turned_by(turned + step))
-        timed.advance(step / speed)
-        turned += step
-        if turned > BEGIN:
-            x = solver.positions()
-            angle, level = surface_line(x, cell)
-            torque = solver.collider_impulse(0).torque[1] * speed / step
-            rows.append((angle, centre_slope(x), torque, weight * x[:, 0].mean(), share_of(level / RADIUS),
-                         np.mean(np.hypot(x[:, 0], x[:, 2]) > RADIUS + cell)))
+    drum = TurnedDrum(sand, RADIUS, cell, fill, wall_friction)
+    before = share_of(drum.surface()[1] / RADIUS)
+    speed, weight, rows = math.sqrt(froude * G / RADIUS), drum.solver.masses().sum() * G, []
+    for step in drum.turn(speed, BEGIN, TURN, LOOKS):
+        x = drum.solver.positions()
+        angle, level = drum.surface()
+        torque = drum.solver.collider_impulse(0).torque[1] / step
+        rows.append((angle, centre_slope(x), torque, weight * x[:, 0].mean(), share_of(level / RADIUS),
+                     np.mean(np.hypot(x[:, 0], x[:, 2]) > RADIUS + cell)))
     slopes, by_mass, torques, moments, volumes, outside = np.array(rows).T
     first, second = np.array_split(slopes, 2)
     errors = {"slope": slopes.mean() - limit, "slope by mass": by_mass.mean() - limit,
               "change": second.mean() - first.mean(), "torque": torques.mean() / moments.mean() - 1,
               "volume": volumes[-LOOKS // 4:].mean() / before - 1, "outside": outside.max()}
-    return timed.record(errors, inclination=slopes.mean(), limit=limit, spread=slopes.std(), torque=torques.mean(),
-                        moment=moments.mean())
-
-
-def turned_by(angle: float) -> mpm.Pose:
-    """Return the pose of the drum after a turn [rad] about the y axis, by which sand at its bottom moves towards -x."""
-    return mpm.Pose(np.zeros(3), np.array([math.cos(angle / 2), 0.0, math.sin(angle / 2), 0.0]))
+    return drum.timed.record(errors, inclination=slopes.mean(), limit=limit, spread=slopes.std(), torque=torques.mean(),
+                             moment=moments.mean())
 
 
 def centre_slope(positions: np.ndarray) -> float:
     """Return the angle [deg] between the centre of mass and straight down, from the drum's axis."""
     x, _, z = positions.mean(0)
     return math.degrees(math.atan2(abs(x), -z))
-
-
-def surface_line(positions: np.ndarray, cell: float) -> tuple[float, float]:
-    """Return angle [deg] and height over the axis [m] of the surface: a line through the highest grains.
-    Grains are sorted into columns along the surface, whose direction is found in three rounds; those in the middle of
-    the surface's chord count."""
-    angle = level = 0.0
-    for _ in range(3):
-        along = positions[:, 0] * math.cos(angle) + positions[:, 2] * math.sin(angle)
-        up = positions[:, 2] * math.cos(angle) - positions[:, 0] * math.sin(angle)
-        columns = np.round(along / cell).astype(int)
-        tops = np.full(columns.max() - columns.min() + 1, -np.inf)
-        np.maximum.at(tops, columns - columns.min(), up)
-        centres = (np.arange(len(tops)) + columns.min()) * cell
-        level = np.median(tops[np.isfinite(tops)])
-        inner = (np.abs(centres) < 0.5 * math.sqrt(max(RADIUS**2 - level**2, 0.0))) & np.isfinite(tops)
-        slope, level = np.polyfit(centres[inner], tops[inner], 1)
-        angle += math.atan(slope)
-    return abs(math.degrees(angle)), float(level) + cell / 4  # half a grain above the centres

@@ -1,0 +1,3 @@
+"""Cases of fluids.
+
+Imports: base, mpm."""
