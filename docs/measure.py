@@ -8,6 +8,7 @@ were interrupted. Without a name: all but these three. The gallery is drawn by F
 an interpreter with MuJoCo 4 (docs/guides/video.md).
 """
 
+import argparse
 import json
 import re
 import shutil
@@ -23,7 +24,8 @@ sys.path[:0] = [str(HERE.parent), str(HERE), str(HERE.parent / "tests")]
 from foreign_arms import ARMS as FOREIGN  # noqa: E402
 from foreign_arms import find_arm  # noqa: E402
 from generators.results.measured import DATA  # noqa: E402
-from measuring.learning import dosing, networks, tables  # noqa: E402
+from measuring.dosing import dosing  # noqa: E402
+from measuring.learning import networks, tables  # noqa: E402
 from measuring.pictures import check_interpreter, gallery, picture_of_arms, pictures  # noqa: E402
 from measuring.running import command, made_by  # noqa: E402
 
@@ -152,8 +154,14 @@ TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "networks": networks, "tables": tables}
 
 
-def main(names: list[str]) -> None:
+def main(words: list[str]) -> None:
     """Measure what is named, into a folder that is removed afterwards."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
+                                     epilog="example:\n  python docs/measure.py rehearsal_spoon bench")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(TASKS)}")
+    names = parser.parse_args(words).names
+    if unknown := [name for name in names if name not in TASKS]:
+        parser.error(f"unknown: {', '.join(unknown)}; accepted: {', '.join(TASKS)}")
     DATA.mkdir(parents=True, exist_ok=True)
     chosen = names or [name for name in TASKS if name not in LONG]
     if "gallery" in chosen:

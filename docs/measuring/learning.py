@@ -1,6 +1,5 @@
-"""Hours and days of learning and dosing, which continue where they were interrupted."""
+"""Hours and days of learning, which continue where they were interrupted."""
 
-import csv
 import json
 import shutil
 import subprocess
@@ -8,9 +7,8 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from dosing_benchmark import DRAWS, convert
 from generators.results.learning import KINDS, NETWORKS, TRAINED
-from generators.results.measured import DATA, ROOT
+from generators.results.measured import ROOT
 
 from measuring.running import command
 from policies.results.rows import pack_rows
@@ -21,7 +19,6 @@ SCORED = {"wide": ["--suite", "wide"], "hard": ["--suite", "hard"],
           **{f"wide_{arm}": ["--suite", "wide", "--alone", "--arm", "--robot", arm] for arm in ("iiwa14", "ur5e")}}
 """End of a file with scores -> arguments of `robosim evaluate`: the tool alone, and two arms from the same starts."""
 EPISODES = 30
-DOSING = ("DoseSpoon", "DoseScoop", "DoseBottle")
 
 
 def networks(_: Path) -> None:
@@ -74,23 +71,3 @@ def tables(_: Path) -> None:
         rows |= {(row["task"], row["method"], row["seed"]): row for row in collect_rows([source])[0]}
     stored = {"made_by": "python docs/measure.py tables", **pack_rows([rows[key] for key in sorted(rows)])}
     (TRAINED / "tables.json").write_text(json.dumps(stored, indent=1) + "\n")
-
-
-def dosing(_: Path) -> None:
-    """Dose with the bundled controller, and store our entries of the benchmark; tasks that are complete stay."""
-    def enter(task: str) -> None:
-        out = ROOT / "out" / "dosing" / task
-        words = ["evaluate", task, "--policy", "pi", "--suite", "wide", "--episodes", str(DRAWS), "--alone"]
-        if not (out / "evaluation.json").is_file():  # which is written last
-            command([*words, "--no-video"], out)
-        if not (out / "evaluation.json").is_file():
-            print(f"{out}: broken off, not stored")
-            return
-        made_by = json.loads((out / "evaluation.json").read_text())["made_by"]
-        with (out / "evaluation.csv").open(newline="") as file:
-            source = f"robosim {' '.join(words)}; commit {made_by['commit']}"
-            entry = convert(csv.DictReader(file), "pi", task, source)
-        (DATA / "dosing" / f"{task}_pi.json").write_text(entry.model_dump_json(indent=1) + "\n")
-
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(enter, DOSING))

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 import mpm
 from robosim.base.errors import UnknownName
 from robosim.episode import FRAMING, NEAR, ORBIT
-from robosim.recordings.header import RegionEntry, region_pose
+from robosim.recordings.header import RegionEntry, body_poses, region_pose
 from robosim.recordings.reader import Recording
 from robosim.rendering.body_shapes import can_move
 from robosim.robot.assembly import HAND_PREFIX
@@ -124,8 +124,7 @@ def follow_tool(recording: Recording) -> Callable[[float], mujoco.MjvCamera]:
 def tool_pose(recording: Recording, poses: np.ndarray, inside: RegionEntry | None) -> mpm.Pose:
     """Return the world pose of the inside of a tool in a frame; without one of the tool, or of the middle of what moves
     or of the scene."""
-    moving = [body.name for body in recording.header.moving]
-    bodies = {name: mpm.Pose(row[:3], row[3:]) for name, row in zip(moving, poses)}
+    bodies = body_poses(recording.header, poses)
     if inside is not None:
         return region_pose(inside, bodies)
     if recording.header.tool in bodies:

@@ -134,6 +134,11 @@ def region_pose(region: RegionEntry, bodies: Mapping[str, mpm.Pose]) -> mpm.Pose
     return bodies[region.body] @ own if region.body in bodies else own
 
 
+def body_poses(header: RecordingHeader, poses: np.ndarray) -> dict[str, mpm.Pose]:
+    """Return the world poses of the moving bodies by name; poses: (bodies, 7) of a frame."""
+    return {body.name: mpm.Pose(row[:3], row[3:]) for body, row in zip(header.moving, poses)}
+
+
 def find_placed(regions: Sequence[RegionEntry], bodies: Mapping[str, mpm.Pose], positions: np.ndarray) -> np.ndarray:
     """Return which grains at positions (n, 3) [m] lie in one of the regions that are places (n,)."""
     left = np.arange(len(positions))

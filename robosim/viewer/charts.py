@@ -128,8 +128,9 @@ def with_levels(chart: Chart) -> list[Curve]:
 
 def sample(chart: Chart, times: np.ndarray) -> np.ndarray:
     """Return the curves of a chart as rows (k, n) at times (n,) [s]; of a logarithmic one their logarithms."""
-    rows = np.full((len(with_levels(chart)), len(times)), np.nan)
-    for row, curve in zip(rows, with_levels(chart)):
+    curves = with_levels(chart)
+    rows = np.full((len(curves), len(times)), np.nan)
+    for row, curve in zip(rows, curves):
         if len(curve.times):
             inside = (times > curve.times[0] - BEYOND) & (times < curve.times[-1] + BEYOND)
             row[inside] = np.interp(times[inside], curve.times, curve.values)

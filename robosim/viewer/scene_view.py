@@ -8,8 +8,8 @@ import viser
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.recordings.frames import GrainState, SceneState
-from robosim.recordings.header import CameraEntry, find_placed
+from robosim.recordings.frames import GrainState
+from robosim.recordings.header import CameraEntry, body_poses, find_placed
 from robosim.recordings.reader import Recording
 from robosim.rendering.grain_skin import find_surface
 from robosim.viewer.charts import History
@@ -173,7 +173,7 @@ class SceneView:
     def show(self, k: int) -> None:
         """Show the k-th frame."""
         scene, grains = self.recording.scene(k), self.recording.grains(k)
-        poses = self.body_poses(scene)
+        poses = body_poses(self.recording.header, scene.poses)
         with self.server.atomic():
             for name, pose in poses.items():
                 self._bodies[name].position, self._bodies[name].wxyz = pose.position, pose.quaternion
@@ -199,16 +199,13 @@ class SceneView:
     def _show_again(self) -> None:
         """Show the grains of the frame that is shown."""
         if self.frame >= 0:
-            self._show_grains(self.recording.grains(self.frame), self.body_poses(self.recording.scene(self.frame)))
+            self._show_grains(self.recording.grains(self.frame),
+                              body_poses(self.recording.header, self.recording.scene(self.frame).poses))
 
     @property
     def legend(self) -> str:
         """What the colours mean."""
         return LEGENDS[self.colouring].format(*(f"{value:g}" for value in self._limits.get(self.colouring, ())))
-
-    def body_poses(self, scene: SceneState) -> dict[str, mpm.Pose]:
-        """Return the world poses of the moving bodies."""
-        return {body.name: mpm.Pose(row[:3], row[3:]) for body, row in zip(self.recording.header.moving, scene.poses)}
 
     def _show_grains(self, grains: GrainState, poses: dict[str, mpm.Pose]) -> None:
         if self._grains is None:

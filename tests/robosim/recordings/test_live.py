@@ -6,6 +6,7 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
 from trays import tray
 
@@ -42,7 +43,8 @@ def test_a_scene_is_shown_while_it_runs_and_its_recording_stays(tmp_path: Path) 
     with Recording(tmp_path / "ball.rec") as recording:
         assert recording.header.tool == "ball" and len(recording) == 5  # 0.2 s at 20 frames a second, and the start
         heights = [recording.scene(k).poses[0, 2] for k in range(5)]
-        assert heights[0] == pytest.approx(0.08, abs=1e-6) and heights == sorted(heights, reverse=True)
+        assert heights[0] == pytest.approx(0.08, abs=1e-6) and heights[-1] < 0.05
+        assert max(np.diff(heights)) < 1e-4  # it falls, and may spring back by so much
         assert recording.scene(4).wrench[2] > 0.1  # the sand carries the ball
     view.close()
 
