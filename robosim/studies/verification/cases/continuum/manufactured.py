@@ -18,16 +18,15 @@ E, DENSITY = 1000.0, 1000.0
 """Of the ring."""
 MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
 FINE = {"courant": 0.2, "precision": "f64"}
-"""At Courant number 0.5 the step's own error, of first order, outweighs the cells': the force changes with every
-substep, so that no stride is longer."""
 
 
 def run(timed: TimedSolver, steps: int, dt: float, acceleration: Callable[[float], np.ndarray],
         error: Callable[[float], np.ndarray]) -> Record:
-    """Advance in steps [s] under an acceleration [m/s^2] (n, 3); record the largest rms and single error (n, d)."""
+    """Advance in steps [s] under an acceleration [m/s^2] (n, 3); record the largest rms and single error (n, d).
+    Each step has the acceleration of its middle, so that its own error is of second order."""
     rms = worst = 0.0
     for step in range(1, steps + 1):
-        timed.solver.set_body_acceleration(acceleration(timed.solver.time))
+        timed.solver.set_body_acceleration(acceleration(timed.solver.time + 0.5 * dt))
         timed.advance(dt)
         if step % max(1, steps // 20) == 0:
             lengths = error(timed.solver.time)
@@ -62,7 +61,7 @@ def cube_acceleration(X: np.ndarray, t: float, model: str) -> np.ndarray:
            "31:193, with the parameters of Uintah's MMS.cc",
     sweep=grid(precision=("f64", "f32"), courant=(0.2, 0.5), cells=(8, 16, 32)),
     quick=grid(courant=(0.2,), precision=("f64", "f32"), cells=(8, 16)),
-    expectations=(*(Within("rms", high, {"cells": n, "courant": 0.2}) for n, high in ((16, 0.02), (32, 0.008))),
+    expectations=(*(Within("rms", high, {"cells": n}) for n, high in ((16, 0.02), (32, 0.008))),
                   *(Order("rms", "cells", ends, least, FINE) for ends, least in (((8, 16), 1.7), ((16, 32), 1.4)))),
     main_error="rms", resolution="cells")
 def axis_aligned(*, cells: int = 16, courant: float = 0.2, precision: str = "f64", model: str = "neo_hookean",
@@ -84,9 +83,8 @@ def axis_aligned(*, cells: int = 16, courant: float = 0.2, precision: str = "f64
                         gravity=(0, 0, 0), dt=dt * (1 + 1e-9), precision=precision, body_acceleration=np.zeros_like(X))
     state = solver.state()
     F = stretch(X, 0)
-    state["C"][:, [0, 4, 8]] = rate = np.pi * cosine * np.cos(np.pi * X) / F
-    # a substep begins with the strain that C brings: what is stored is the strain before it
-    state["e"][:, :3] = (F / (1 + dt * rate)) ** 2 - 1
+    state["C"][:, [0, 4, 8]] = np.pi * cosine * np.cos(np.pi * X) / F
+    state["e"][:, :3] = F**2 - 1
     solver.load(state)
     return run(TimedSolver(solver), steps, dt, lambda t: cube_acceleration(X, t, model),
                lambda t: np.linalg.norm(solver.positions() - X - displacement(X, t), axis=1) / AMPLITUDE)

@@ -52,11 +52,7 @@ def hydrostatic(*, cells: int = 20, precision: str = "f32", material: str = "wat
     depth = REST_DEPTH - body.positions[:, 2]
     timed, solver = set_up(body, (4 * cell, 4 * cell, 0.12), cell, walls=mpm.Walls.all("roller"), precision=precision)
     timed.settle(0.2)
-    state = solver.state()
-    if material == "water":
-        pressure = -BULK * state["j"][:, 0].astype(float)
-    else:  # Kirchhoff pressure of a volumetric Hencky strain
-        pressure = -BULK * 0.5 * np.log1p(state["e"].astype(float)[:, :3]).sum(1)
+    pressure = -np.trace(solver.stresses(), axis1=1, axis2=2) / 3.0
     gradient, surface = np.polyfit(depth, pressure, 1)
     top = depth < cell
     base = surface + gradient * REST_DEPTH
