@@ -53,6 +53,7 @@ LIMITS = {
     ("dropped_sphere", "depth"): (-0.35, -0.2),
     ("sliding_block", "acceleration"): (0.05, 0.08),  # of a block that tips
     ("hydrostatic", "height"): (-0.003, -2e-4),  # of sand, which is softer at walls
+    ("vortex", "order of rms, cells 20 to 40"): (1.3, 1.5),
     ("longer_steps", "mass"): (-0.08, -0.05),  # of a scoop at 1 ms, against finer cells
     # no law of ours has sand that is looser than critical, and contracts under a plate
     ("round_plate", "force"): (-0.7, -0.3), ("round_plate", "depth power"): (0.3, 1.16),

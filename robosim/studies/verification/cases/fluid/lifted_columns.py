@@ -66,7 +66,7 @@ def lifted_column(*, fluid: str = "water", cell: float = 0.003, lift_speed: floa
                         pose=mpm.Pose(np.array([0.0, 0.0, height / 2 + cell]), UPRIGHT))
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (side, side, math.ceil(1.3 * height / cell) * cell), cell), precision=precision,
-        walls=mpm.Walls(lower=("roller", "roller", floor), upper=("slip",) * 3),
+        walls=mpm.Walls(lower=("roller", "roller", floor), upper=("slip", "slip", "slip")),
         bodies=[mpm.Body(law, places, volume=math.pi / 4 * radius**2 * height / len(places))],
         colliders=[wall], gravity=(0, 0, -gravity), dt=courant * cell / sound)
     timed, times, fronts = TimedSolver(solver), [0.0], [radius]

@@ -151,7 +151,7 @@ def lifted_can(*, goods: str = "dry rice", cells: int = 12) -> Record:
     card: Any = load_material("sand")
     angle = card.friction_angle.model_copy(update={"value": math.degrees(math.asin(sine))})
     card = card.model_copy(update={"friction_angle": angle})
-    heap = HeapExperiment.model_construct(cells=cells, **CAN)
+    heap = HeapExperiment.model_construct(None, cells=cells, **CAN)
     distances = np.arange(0.25, 60.0) * heap.radius / cells
     solver = make_column(heap, card.make_law(), CAN["floor_friction"], 0)
     timed = TimedSolver(solver)
