@@ -18,6 +18,7 @@ DEPTHS = (0.01, 0.02)
 DEEPEST, WINDOW, SPEED = 0.032, 1e-2, 0.1
 """Depth to which a plate is pressed [m]; time over which forces are averaged [s];
 speed [m/s]."""
+REPOSE_DEG = read_reference("round_plates")["repose_deg"]
 ROOM = 2.0
 """Half width and depth of the bed, in diameters of the plate."""
 
@@ -44,12 +45,12 @@ def compare(records: list[Record]) -> list[Comparison]:
     source=stated("round_plates"), sweep=[*grid(cell=CELLS, diameter=DIAMETERS), {"friction_deg": 32.0}],
     quick=grid(cell=(0.01,), diameter=(0.06, 0.1)),
     # with the angle of repose as the only number of the sand; by the plate's area alone the ratio would be 2.8
-    expectations=(*each_within({f"force at {depth:g} m": 0.3 for depth in DEPTHS}, {"friction_deg": 29.0}),
-                  *(Ratio("force 0.01 m", "diameter", (0.06, 0.1), 4.3, 5.5, {"cell": c, "friction_deg": 29.0})
+    expectations=(*each_within({f"force at {depth:g} m": 0.3 for depth in DEPTHS}, {"friction_deg": REPOSE_DEG}),
+                  *(Ratio("force 0.01 m", "diameter", (0.06, 0.1), 4.3, 5.5, {"cell": c, "friction_deg": REPOSE_DEG})
                     for c in CELLS),
-                  Within("depth power", 1.45, {"friction_deg": 29.0}, 1.16)),
+                  Within("depth power", 1.45, {"friction_deg": REPOSE_DEG}, 1.16)),
     main_error="force at 0.02 m", resolution="cell", compare=compare)
-def round_plate(*, diameter: float = 0.08, cell: float = 0.005, friction_deg: float = 29.0, stiffness: float = E,
+def round_plate(*, diameter: float = 0.08, cell: float = 0.005, friction_deg: float = REPOSE_DEG, stiffness: float = E,
                 precision: str = "f32") -> Record:
     """Round plate pressed into loose sand; a quarter of it is computed.
 

@@ -115,13 +115,13 @@ def slot_of_beads(*, cells: int = 13, E: float = 1e5, precision: str = "f32") ->
     fall = math.ceil(fall / cell) * cell
     places = mpm.sample_box((0, 0, fall), (half, cell, fall + fill), cell / 2, np.random.default_rng(0))
     edge = 0.5 * cells * cell
-    rough = reference["contact_friction"]
-    floor = mpm.Collider(mpm.Sdf.box(((2 * half - edge) / 2, 4 * cell, thick / 2)), static=True, friction=rough,
+    friction = reference["contact_friction"]
+    floor = mpm.Collider(mpm.Sdf.box(((2 * half - edge) / 2, 4 * cell, thick / 2)), static=True, friction=friction,
                          pose=mpm.Pose(np.array([(2 * half + edge) / 2, cell / 2, fall - thick / 2]), UPRIGHT))
     timed, solver = set_up(
         mpm.Body(law, places, volume=half * cell * fill / len(places)),
         (half, cell, math.ceil((fall + fill) / cell + 2) * cell), cell, colliders=[floor], precision=precision,
-        walls=mpm.Walls(friction=rough, lower=("roller", "periodic", "friction"),
+        walls=mpm.Walls(friction=friction, lower=("roller", "periodic", "friction"),
                         upper=("friction", "periodic", "slip")),
         dt=courant_step(0.5, cell, law))
     times, left = [0.0], [0.0]
