@@ -13,7 +13,7 @@ from robosim.base.provenance import provenance
 from robosim.reports.curves import Chart, Curve
 from robosim.reports.plot import draw_charts
 
-STATUSES = ("pass", "fail", "not run", "stable", "refused", "unstable", "held", "missed")
+STATUSES = ("pass", "weak", "fail", "not run", "stable", "refused", "unstable", "held", "missed")
 """Words that a table shows in a colour of their own."""
 HeatCell = tuple[str, str, str]
 """Text of a cell, its status, and its tooltip."""

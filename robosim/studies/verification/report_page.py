@@ -1,5 +1,6 @@
 """Page of `robosim report`: expectations, error against run time, and a comparison with an earlier report."""
 
+import base64
 import json
 import math
 from typing import Any
@@ -11,7 +12,7 @@ from robosim.reports.plot import Plot
 from robosim.studies.verification.cases import find
 from robosim.studies.verification.cases.case import Comparison, Record, describe, select, value_of
 from robosim.studies.verification.cases.expectations import Within
-from robosim.studies.verification.runs import Run, group_series, pareto_front
+from robosim.studies.verification.runs import VERDICTS, Run, group_series, pareto_front, picture_of
 
 REPORT = {"made_by": {"commit": object, "machine": object}, "runs": [{
     "case": str, "choices": {str: object}, "failed": (str, None, ...), "record": ({
@@ -27,8 +28,12 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
     """Make the page.
     results: case -> its part of report.json. peers: other codes' results on the column collapse."""
     page = Page("Verification: error against run time")
+    page.add_heading("Cases")
+    page.add_text(f"Errors are relative, unless they have a unit. {VERDICTS}")
+    page.add_table(["case", "main error", "least", "largest", "unit", "verdict"], [
+        [name, result["headline"], *result["range"], result["unit"], result["verdict"]]
+        for name, result in results.items()])
     page.add_heading("Expectations")
-    page.add_text("Errors are relative, unless they have a unit.")
     page.add_table(["case", "expectation", "found", "from", "to", "unit", "verdict"], [
         [name, *(c[key] for key in ("claim", "found", "low", "high", "unit", "verdict"))]
         for name, result in results.items() for c in result["claims"]])
@@ -37,6 +42,9 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
         page.add_text(f"Reference: {result['source']}")
         records = [run.record for run in runs if run.case == name and run.record is not None]
         if records:
+            if picture := picture_of(records):
+                page.add_picture(base64.b64decode(picture), "A section through the scene at the end of a run: grains, "
+                                                            "colliders in grey.")
             page.add_plot(draw_case(name, records, peers), "Seconds after compilation, on one core.")
             page.add_table(["series", "runs", "observed orders", "seconds to 1 %", f"least {result['headline']}"],
                            [[one["label"], len(one["points"]), ", ".join(f"{o:.2f}" for o in one["orders"]),

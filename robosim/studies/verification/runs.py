@@ -13,8 +13,8 @@ import mpm
 from robosim.base.jobs import Launcher
 from robosim.base.study import Job, Study
 from robosim.studies.verification.cases import find, module_name
-from robosim.studies.verification.cases.case import Record, value_of
-from robosim.studies.verification.cases.expectations import judge
+from robosim.studies.verification.cases.case import Case, Record, value_of
+from robosim.studies.verification.cases.expectations import Within, judge
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,32 @@ def summarize_case(case: str, runs: list[Run]) -> dict[str, Any]:
             "orders": observed_orders(members, physics.main_error, physics.resolution),
             "seconds_to_1_percent": time_to_error(0.01, points)})
     claims = replace_non_finite([{**f._asdict(), "verdict": f.verdict} for f in judge(physics, records)])
+    values = sorted((value_of(r, physics.main_error) for r in records if physics.main_error in r.errors), key=abs)
     return {"case": case, "source": physics.source, "headline": physics.main_error, "claims": claims,
+            "range": [values[0], values[-1]] if values else [None, None],
+            "unit": physics.units.get(physics.main_error, ""), "verdict": verdict_of(physics, claims, runs),
             "failed": [{"choices": run.choices, "reason": run.failed} for run in runs if run.failed], "series": series}
+
+
+VERDICTS = "A case passes if all of its expectations are met; it is weak if all ranges of its main error are held, "\
+           "but not all that else is expected."
+
+
+def verdict_of(physics: Case, claims: list[dict[str, Any]], runs: list[Run]) -> str:
+    """Return "pass", "weak" or "fail" of a case, see VERDICTS; "not run" where no expectation has a run."""
+    if any(run.failed for run in runs):
+        return "fail"
+    verdicts = {claim["verdict"] for claim in claims}
+    if any(claim["verdict"] == "fail" and isinstance(one, Within) and one.name == physics.main_error
+           for one, claim in zip(physics.expectations, claims)):
+        return "fail"
+    return "weak" if "fail" in verdicts else "pass" if "pass" in verdicts else "not run"
+
+
+def picture_of(records: list[Record]) -> str:
+    """Return the picture of the run with the most particles that has one, else an empty text."""
+    drawn = [record for record in records if record.picture]
+    return max(drawn, key=lambda record: record.particles).picture if drawn else ""
 
 
 def replace_non_finite(value: Any) -> Any:

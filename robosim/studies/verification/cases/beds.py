@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,32 @@ def shear_ratio(phi_deg: float, cone: str = "compression") -> float:
     From the cone's definition, not from the law under test."""
     sine = math.sin(math.radians(phi_deg))
     return sine if cone == "plane_strain" else 2.0 * math.sqrt(3.0) * sine / (3.0 - sine)
+
+
+def plane_strain_angle(shear_deg: float) -> float:
+    """Return the friction angle [deg] with which the cone of plane strain carries the tangent of an angle [deg] in
+    simple shear, see `shear_ratio`."""
+    return math.degrees(math.asin(math.tan(math.radians(shear_deg))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beads:
+    """Grains of the law mu(I) in plane strain."""
+
+    packing: float
+    """Share of solid [-]."""
+    slow_deg: float
+    """Angle [deg] whose tangent they carry in slow simple shear; `fast_deg` in fast."""
+    fast_deg: float
+    inertial_number: float
+
+    def make_law(self, E: float, nu: float, reference: dict[str, Any]) -> mpm.MuIRheology:
+        """Return the law of beads of a reference's `grain_diameter` [m] and `grain_density` [kg/m^3]; E [Pa]."""
+        return mpm.MuIRheology(
+            E=E, nu=nu, density=self.packing * reference["grain_density"], cone="plane_strain",
+            friction_angle_deg=plane_strain_angle(self.slow_deg), limit_angle_deg=plane_strain_angle(self.fast_deg),
+            grain_diameter=reference["grain_diameter"], grain_density=reference["grain_density"],
+            inertial_number=self.inertial_number)
 
 
 def fill_box(law: Material, low: Any, high: Any, cell: float, **more: Any) -> mpm.Body:

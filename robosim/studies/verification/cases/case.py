@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import mpm
 from robosim.scene.settle import settle
+from robosim.studies.verification.cases.section import draw_section
 
 Point = tuple[float, float, str]
 """x, y and tooltip."""
@@ -33,19 +34,27 @@ class Record:
     """Other figures, without an accepted range."""
     peak_bytes: int = 0
     """Largest memory of the process [bytes]."""
+    picture: str = ""
+    """Section through the scene at the end, see `draw_section`; empty where none is drawn."""
 
     def label(self, *names: str) -> str:
         """Format some choices, which are numbers."""
         return ", ".join(f"{name} {self.choices[name]:g}" for name in names)
 
+    def curve(self, name: str, tooltip: str = "") -> list[Point]:
+        """Return the readings "NAME X", with or without a unit after it, as points (X, reading, tooltip)."""
+        return [(float(key.removeprefix(name).split()[0]), value, tooltip) for key, value in self.readings.items()
+                if key.startswith(f"{name} ")]
+
 
 class Cost(NamedTuple):
-    """What a solver's run took, see `Record`; a record of several solvers adds them up."""
+    """What a solver's run took, and its picture, see `Record`; a record of several solvers adds the first four up."""
 
     particles: int
     steps: int
     seconds: float
     compile_seconds: float = 0.0
+    picture: str = ""
 
 
 class TimedSolver:
@@ -76,7 +85,8 @@ class TimedSolver:
     @property
     def cost(self) -> Cost:
         """What the run took so far; not to be asked after the solver is closed."""
-        return Cost(sum(self.solver.particles.counts), self.solver.steps, self.seconds, self.compile_seconds)
+        return Cost(sum(self.solver.particles.counts), self.solver.steps, self.seconds, self.compile_seconds,
+                    draw_section(self.solver))
 
     def record(self, errors: dict[str, Any], **readings: Any) -> Record:
         """Return the record of the run so far, to which a `Case` adds its name and the choices."""
@@ -84,12 +94,14 @@ class TimedSolver:
 
 
 def make_record(costs: Sequence[Cost], errors: dict[str, Any], **readings: Any) -> Record:
-    """Return the record of a run of several solvers: sums of steps and times, and the largest number of particles."""
-    particles, steps, seconds, compile_seconds = zip(*costs)
+    """Return the record of a run of several solvers: sums of steps and times, the largest number of particles, and the
+    first picture."""
+    particles, steps, seconds, compile_seconds, pictures = zip(*costs)
     return Record(case="", choices={}, particles=max(particles), steps=sum(steps), seconds=sum(seconds),
                   compile_seconds=sum(compile_seconds), errors={name: float(value) for name, value in errors.items()},
                   readings={name: float(value) for name, value in readings.items()},
-                  peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+                  peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+                  picture=next(filter(None, pictures), ""))
 
 
 def select(records: Sequence[Record], where: dict[str, Any]) -> list[Record]:

@@ -44,6 +44,8 @@ def test_a_slope_of_a_drum_is_found_from_its_grains() -> None:
         angle, height = drum.surface_line(x, 0.005, 0.1)
         assert angle == pytest.approx(degrees, abs=0.5) and height == pytest.approx(0.1 * level + 0.00125, abs=5e-4)
         assert rotating_drum.centre_slope(x) == pytest.approx(degrees, abs=0.5)
+        room = math.pi * 0.1**2 * drum.share_of(level) / len(x)
+        assert drum.room_inside(x, (angle, 0.1 * level), 0.1, 0.02) == pytest.approx(room, rel=0.02)
     for share in (0.2, 0.5, 0.8):
         level = drum.level_of(share)
         assert drum.share_of(level) == pytest.approx(share)

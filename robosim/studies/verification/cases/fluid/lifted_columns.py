@@ -11,8 +11,8 @@ from robosim.studies.verification.cases.case import Comparison, Record, TimedSol
 from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.references import read_reference, stated
 
-ROOM, STEP, UNTIL = 0.27, 4e-3, 0.2
-"""Half width of the floor [m]; time between looks; time up to which the front is compared [s]."""
+ROOM, STEP, UNTIL, COURANT = 0.27, 4e-3, 0.2, 0.4
+"""Half width of the floor [m]; time between looks; time up to which the front is compared [s]; Courant number."""
 BEYOND = 0.0025
 """Share of the mass beyond the front, so that it does not depend on the outermost particle."""
 
@@ -27,9 +27,8 @@ def compare(records: list[Record]) -> list[Comparison]:
     """Return the front over time by fluid, beside both cameras."""
     reference, plots = read_reference("lifted_columns"), []
     for fluid in reference["fluids"]:
-        measured = {record.label("cell"): [(float(name.split()[1]), value, "") for name, value in
-                                           record.readings.items() if name.startswith("front ")]
-                    for record in records if record.choices["fluid"] == fluid}
+        measured = {record.label("cell"): record.curve("front") for record in records
+                    if record.choices["fluid"] == fluid}
         if measured:
             published = {f"camera {k}": [(row[0], row[k], "") for row in reference[fluid]] for k in (1, 2)}
             plots.append(Comparison(title=f"column of {fluid}", x="time [s]", y="front [m]", measured=measured,
@@ -44,8 +43,8 @@ def compare(records: list[Record]) -> list[Comparison]:
     quick=grid(fluid=("water", "glycerol")),
     expectations=[Within("front", 0.1, {"lift_speed": 0.5, "floor": "stick", "cell": cell}) for cell in (0.003, 0.002)],
     main_error="front", resolution="cell", compare=compare)
-def lifted_column(*, fluid: str = "water", cell: float = 0.003, lift_speed: float = 0.5, floor: str = "stick",
-                  courant: float = 0.4, precision: str = "f32") -> Record:
+def lifted_column(*, fluid: str = "water", cell: float = 0.003, lift_speed: float = 0.5,
+                  floor: str = "stick") -> Record:
     """Round column of water, or of glycerol at 4.6 g, whose cylinder is lifted; a quarter of it is computed.
 
     Measured: the largest relative error of the front's radius up to 0.2 s. Reference: films by two cameras, of which
@@ -65,10 +64,10 @@ def lifted_column(*, fluid: str = "water", cell: float = 0.003, lift_speed: floa
     wall = mpm.Collider(mpm.Sdf.from_mesh(tube, spacing=cell / 3, margin=2 * cell), friction=0.0,
                         pose=mpm.Pose(np.array([0.0, 0.0, height / 2 + cell]), UPRIGHT))
     solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (side, side, math.ceil(1.3 * height / cell) * cell), cell), precision=precision,
+        grid=mpm.Grid((0, 0, 0), (side, side, math.ceil(1.3 * height / cell) * cell), cell), precision="f32",
         walls=mpm.Walls(lower=("roller", "roller", floor), upper=("slip", "slip", "slip")),
         bodies=[mpm.Body(law, places, volume=math.pi / 4 * radius**2 * height / len(places))],
-        colliders=[wall], gravity=(0, 0, -gravity), dt=courant * cell / sound)
+        colliders=[wall], gravity=(0, 0, -gravity), dt=COURANT * cell / sound)
     timed, times, fronts = TimedSolver(solver), [0.0], [radius]
     film = filmed(fluid)
     timed.settle(0.05)

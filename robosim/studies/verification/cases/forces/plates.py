@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 
+from robosim.studies.verification.cases.beds import plane_strain_angle
 from robosim.studies.verification.cases.case import Comparison, Record, case, make_record
 from robosim.studies.verification.cases.expectations import Power, Within
 from robosim.studies.verification.cases.forces import plate_bed
@@ -206,5 +207,5 @@ def lifting_bound(depth: np.ndarray, friction_deg: float, square: bool) -> np.nd
     """Return the upper bound of limit analysis for a lifted plate, per density, gravity and depth.
     depth: (n,) in lengths of the plate; friction_deg: whose tangent the sand carries in simple shear, which in plane
     strain is the sine of the angle by which the sides lean. Around the corners of a square plate they are cones."""
-    spread = depth * math.tan(math.asin(math.tan(math.radians(friction_deg))))
+    spread = depth * math.tan(math.radians(plane_strain_angle(friction_deg)))
     return 1.0 + 2.0 * spread + math.pi / 3.0 * spread**2 if square else 1.0 + spread

@@ -33,8 +33,7 @@ def compare(records: list[Record]) -> list[Comparison]:
     reference, measured = read_reference("round_plates"), {}
     for record in records:
         label = f"{1e3 * float(record.choices['diameter'] or 0):g} mm, {record.label('cell', 'friction_deg')}"
-        measured[label] = [(float(name.split()[1]), force, label) for name, force in record.readings.items()
-                           if name.startswith("force ")]
+        measured[label] = record.curve("force", label)
     published = {f"{1e3 * d:g} mm, measured": [(z, force, "") for z, force in measured_force(d).items()]
                  for d in DIAMETERS}
     return [Comparison(title="round plates", x="depth [m]", y="force [N]", measured=measured, published=published,

@@ -5,7 +5,15 @@ import math
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.beds import SLICE, UPRIGHT, carry, courant_step, resting_body, set_up
+from robosim.studies.verification.cases.beds import (
+    SLICE,
+    UPRIGHT,
+    carry,
+    courant_step,
+    plane_strain_angle,
+    resting_body,
+    set_up,
+)
 from robosim.studies.verification.cases.case import Comparison, Record, case, grid, make_record
 from robosim.studies.verification.cases.expectations import Power, Ratio, Within, each_within
 from robosim.studies.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, NU, E, G, Plate, make_sand, push
@@ -44,7 +52,7 @@ def coulomb_passive(phi_deg: float, wall_deg: float) -> float:
 def wedge(depth: float, friction: float, friction_deg: float = FRICTION_DEG) -> float:
     """Return the force per width [N/m] of Coulomb's wedge in front of a blade of a depth [m]."""
     wall = math.degrees(math.atan(friction))
-    phi = math.degrees(math.asin(math.tan(math.radians(friction_deg))))
+    phi = plane_strain_angle(friction_deg)
     return 0.5 * DENSITY * G * depth**2 * coulomb_passive(phi, wall) * math.cos(math.radians(wall))
 
 
@@ -143,12 +151,10 @@ def compare_silo(records: list[Record]) -> list[Comparison]:
     measured, published = {}, {}
     for record in records:
         label = record.label("cells", "wall_friction", "slenderness")
-        stresses = {float(name.removeprefix("stress at ")): stress for name, stress in record.readings.items()
-                    if name.startswith("stress at ")}
-        measured[label] = [(d, stress, label) for d, stress in stresses.items()]
+        measured[label] = record.curve("stress at", label)
         friction = float(record.choices["wall_friction"] or 0.0)
         published[f"Janssen, {label}"] = [
-            (d, float(janssen(d, WIDTH, friction, record.readings["ratio"])), label) for d in stresses]
+            (d, float(janssen(d, WIDTH, friction, record.readings["ratio"])), label) for d, _, _ in measured[label]]
     return [Comparison(title="vertical stress in a slot", x="depth [m]", y="stress [Pa]", measured=measured,
                        published=published, uncertainty=0.10, is_relative=True)]
 

@@ -175,8 +175,7 @@ def compare(records: list[Record]) -> list[Comparison]:
             if record.choices["duration"] is not None:
                 varied.append(f"{record.choices['duration']:g} s")
             label = ", ".join([str(record.choices["law"]), f"{record.choices['cells']} cells", *varied])
-            series[label] = [(float(name.removeprefix("depth at ")), depth, label)
-                             for name, depth in record.readings.items() if name.startswith("depth at ")]
+            series[label] = record.curve("depth at", label)
         comparisons.append(Comparison(
             title=f"deposit of a column of {a:g} radii", x="radius, in column radii", y="depth, in column radii",
             measured=series, line=list(zip(line, closed_depths(line, top, end, math.pi * a))),

@@ -13,8 +13,8 @@ from mpm.materials.material import Material
 from robosim.studies.verification.cases.beds import SMOOTH_SLICE, courant_step, set_up
 
 G = 9.81
-WALL = 4.0
-"""Thickness of the drum's wall [cells]."""
+WALL, CORE = 4.0, 2.5
+"""Thickness of the drum's wall; depth from which grains count as inside [cells]."""
 ENDLESS = 1e3
 """Half the width [m] of a drum without ends."""
 
@@ -49,13 +49,16 @@ class Drum(Shape):
 
 class TurnedDrum:
     """A drum about the y axis with sand that has settled in it: a slice in plane strain, or half of a narrow drum.
-    radius, cell [m]; fill: share of the drum; half_width [m]: of a narrow drum, whose end turns with it."""
+    radius, cell [m]; fill: share of the drum; half_width [m]: of a narrow drum, whose end turns with it; per_axis:
+    grains in a cell along each axis."""
 
     def __init__(self, law: Material, radius: float, cell: float, fill: float, wall_friction: float,
-                 half_width: float | None = None) -> None:
+                 half_width: float | None = None, per_axis: int = 2) -> None:
         self.radius, self.cell, self.turned = radius, cell, 0.0
         half, width = radius + (WALL + 2) * cell, half_width or cell
-        grains = mpm.sample_box((-radius, 0, -radius), (radius, width, level_of(fill) * radius), cell / 2)
+        # on a regular lattice the layers of a slice move as one, and shear closes the gaps between fewer grains
+        grains = mpm.sample_box((-radius, 0, -radius), (radius, width, level_of(fill) * radius), cell / per_axis,
+                                np.random.default_rng(0))
         grains = grains[np.hypot(grains[:, 0], grains[:, 2]) < radius]
         volume = fill * math.pi * radius**2 * width / len(grains)
         walls, room, shape = SMOOTH_SLICE, width, Drum(radius, WALL * cell)
@@ -81,6 +84,22 @@ class TurnedDrum:
     def surface(self) -> tuple[float, float]:
         """Return angle [deg] and height over the axis [m] of the sand's surface, see `surface_line`."""
         return surface_line(self.solver.positions(), self.cell, self.radius)
+
+    def room_of_grains(self) -> float:
+        """Return the area [m^2] of the section that a grain takes inside the sand, see `room_inside`."""
+        return room_inside(self.solver.positions(), self.surface(), self.radius, CORE * self.cell)
+
+
+def room_inside(positions: np.ndarray, surface: tuple[float, float], radius: float, depth: float) -> float:
+    """Return the area [m^2] of the section for each grain deeper than a depth [m] below surface and drum.
+    The surface's own layer loosens and is left out. surface: angle [deg] and height [m], see `surface_line`; the sand
+    lies towards the side on which its centre of mass is."""
+    (angle, level), inner = surface, radius - depth
+    slope, side = math.radians(angle), 1.0 if positions[:, 0].mean() < 0 else -1.0
+    height = positions[:, 2] * math.cos(slope) + side * positions[:, 0] * math.sin(slope)
+    highest = min(level - depth, inner)
+    count = np.sum((height < highest) & (np.hypot(positions[:, 0], positions[:, 2]) < inner))
+    return share_of(highest / inner) * math.pi * inner**2 / count
 
 
 def surface_line(positions: np.ndarray, cell: float, radius: float) -> tuple[float, float]:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 import mpm
+from robosim.studies.verification.cases.beds import Beads, plane_strain_angle
 from robosim.studies.verification.cases.case import Comparison, Record, case
 from robosim.studies.verification.cases.expectations import each_within
 from robosim.studies.verification.cases.granular.drum import TurnedDrum
@@ -13,9 +14,8 @@ from robosim.studies.verification.cases.references import read_reference, stated
 
 BEGIN, TURN, LOOKS = 1.6, 3.2, 48
 """Turn [rad] before the measurement; whole turn; readings."""
-PACKING, SLOW_DEG, FAST_DEG, INERTIAL = 0.6, 20.9, 32.76, 0.279
-"""Glass beads: share of solid; angles whose tangents they carry in slow and in fast simple shear; inertial number in
-between. Source: Jop et al. 2006, Nature 441:727, for beads of 0.5 mm."""
+GLASS = Beads(packing=0.6, slow_deg=20.9, fast_deg=32.76, inertial_number=0.279)
+"""Source: Jop et al. 2006, Nature 441:727, for beads of 0.5 mm."""
 BESIDE = 0.1
 """Half width of the middle of the chord in which velocities are taken, in radii."""
 
@@ -23,33 +23,30 @@ BESIDE = 0.1
 def compare_layer(records: list[Record]) -> list[Comparison]:
     """Return the velocity over the distance from the axis, beside that measured."""
     reference = read_reference("drum_of_beads")
-    measured = {record.label("cells"): [(float(name.split()[1]), u, "") for name, u in record.readings.items()
-                                        if name.startswith("u ")] for record in records}
+    measured = {record.label("cells", "per_axis"): record.curve("u") for record in records}
     return [Comparison(title="layer in a drum", x="distance from the axis [m]", y="velocity along the surface [m/s]",
                        measured=measured, published={"measured": [(y, u, "") for y, u in reference["rows"]]},
                        uncertainty=reference["uncertainty"], is_relative=True, is_joined=True)]
 
 
 @case(
-    source=stated("drum_of_beads"), sweep=[*({"cells": n} for n in (16, 24, 32)), {"wall_friction": 0.5}],
-    quick=[{"cells": 24}],
-    # of the whole layer, the surface's speed, the surface's angle; rms over the surface's speed
+    source=stated("drum_of_beads"), quick=[{"cells": 24}],
+    sweep=[*({"cells": n} for n in (16, 24, 32)), {"wall_friction": 0.5}, {"per_axis": 3}],
+    # of the whole layer, the surface's speed, angle and distance from the axis; rms over the surface's speed
     expectations=[one for n in (24, 32) for one in each_within(
-        {"layer": 0.2, "surface speed": 0.2, "slope": 2.0, "profile": 0.2}, {"wall_friction": 1.0, "cells": n})],
-    main_error="profile", resolution="cells", units={"slope": "deg"}, compare=compare_layer)
-def drum_layer(*, cells: int = 24, wall_friction: float = 1.0) -> Record:
+        {"layer": 0.2, "surface speed": 0.2, "slope": 2.0, "surface": 0.003, "profile": 0.2},
+        {"wall_friction": 1.0, "cells": n})],
+    main_error="profile", resolution="cells", units={"slope": "deg", "surface": "m"}, compare=compare_layer)
+def drum_layer(*, cells: int = 24, wall_friction: float = 1.0, per_axis: int = 2) -> Record:
     """Drum a third full of glass beads, in which a layer flows down over beads that turn with the drum.
 
-    Measured: relative errors of the layer's thickness and of its speed at the surface, difference of the slope [deg],
-    and rms difference of the velocity over the depth from that measured, in units of the surface's. The beads are the
-    law mu(I) with numbers of smaller ones. cells: over the radius; wall_friction: coefficient."""
+    Measured: relative errors of the layer's thickness and of its speed at the surface, differences of the slope [deg]
+    and of the surface's distance from the axis [m], and rms difference of the velocity over the depth from that
+    measured, in units of the surface's. The beads are the law mu(I) with numbers of smaller ones. cells: over the
+    radius; wall_friction: coefficient; per_axis: grains in a cell along each axis."""
     reference = read_reference("drum_of_beads")
-    radius, density = reference["radius"], PACKING * reference["grain_density"]
-    slow, fast = (math.degrees(math.asin(math.tan(math.radians(angle)))) for angle in (SLOW_DEG, FAST_DEG))
-    law = mpm.MuIRheology(E=E, nu=NU, density=density, friction_angle_deg=slow, limit_angle_deg=fast,
-                          cone="plane_strain", grain_diameter=reference["grain_diameter"],
-                          grain_density=reference["grain_density"], inertial_number=INERTIAL)
-    drum = TurnedDrum(law, radius, radius / cells, reference["fill"], wall_friction)
+    radius, law = reference["radius"], GLASS.make_law(E, NU, reference)
+    drum = TurnedDrum(law, radius, radius / cells, reference["fill"], wall_friction, per_axis=per_axis)
     y, u = np.array(reference["rows"]).T
     slopes, levels, profiles = [], [], []
     for _ in drum.turn(reference["turns_per_minute"] * math.pi / 30, BEGIN, TURN, LOOKS):
@@ -64,9 +61,9 @@ def drum_layer(*, cells: int = 24, wall_friction: float = 1.0) -> Record:
     still = deep[np.argmax(smooth < 0.0)] if np.any(smooth < 0.0) else np.nan
     surface = float(np.nanmax(profile))
     errors = {"layer": (still - top) / (np.interp(0.0, -u, -y) + y[0]) - 1, "surface speed": surface / u[0] - 1,
-              "slope": np.mean(slopes) - reference["slope_deg"],
+              "slope": np.mean(slopes) - reference["slope_deg"], "surface": top + y[0],
               "profile": math.sqrt(np.nanmean((profile - u) ** 2)) / u[0]}
-    return drum.timed.record(errors, surface=top, still=still, inclination=np.mean(slopes),
+    return drum.timed.record(errors, top=top, still=still, inclination=np.mean(slopes),
                              **{f"u {place:g} m": value for place, value in zip(y, profile) if math.isfinite(value)})
 
 
@@ -111,7 +108,7 @@ def drum_slope(*, turns_per_minute: float = 10.0, cells: int = 16, friction_deg:
     radius; wall_friction: coefficient on drum and sides."""
     reference = read_reference("drum_of_powder")
     sand = mpm.DruckerPrager(E=E, nu=NU, density=reference["density"], cone="plane_strain",
-                             friction_angle_deg=math.degrees(math.asin(math.tan(math.radians(friction_deg)))))
+                             friction_angle_deg=plane_strain_angle(friction_deg))
     radius = reference["radius"]
     drum = TurnedDrum(sand, radius, radius / cells, reference["fill"], wall_friction, reference["width"] / 2)
     slopes = [drum.surface()[0] for _ in drum.turn(turns_per_minute * math.pi / 30, BEGIN, TURN, LOOKS)]

@@ -9,7 +9,7 @@ import mpm
 from robosim.config.materials import load_material
 from robosim.studies.calibration.flows import heights_of, let_go, make_column
 from robosim.studies.calibration.measurements import HeapExperiment
-from robosim.studies.verification.cases.beds import SLICE, UPRIGHT, carry, courant_step, resting_body, set_up
+from robosim.studies.verification.cases.beds import SLICE, UPRIGHT, Beads, carry, courant_step, resting_body, set_up
 from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.expectations import Within, each_within
 from robosim.studies.verification.cases.forces.plate_bed import make_sand
@@ -18,10 +18,10 @@ from robosim.studies.verification.cases.references import read_reference, stated
 DENSITY, NU, G = 1500.0, 0.3, 9.81
 GATE_FRICTION, FLOOR_FRICTION, GATE_ROOM, REST = 0.3, 0.6, (1.3, 0.26), 1.6
 """Friction coefficients, assumed; length and height of the channel [m]; time after the gate has gone [s]."""
-SPHERES_DEG, SPHERES_FAST_DEG, INERTIAL, PACKING, K = 17.0, 30.0, 0.3, 0.6, 1.4
-"""Spheres with a contact friction of 0.2: angles whose tangents they carry in slow and in fast simple shear, inertial
-number in between, share of solid: from memory of published shear cells of such spheres, to be checked. K: grains that
-an opening loses of its width (Beverloo et al. 1961)."""
+SPHERES = Beads(packing=0.6, slow_deg=17.0, fast_deg=30.0, inertial_number=0.3)
+"""With a contact friction of 0.2: from memory of published shear cells of such spheres, to be checked."""
+K = 1.4
+"""Grains that an opening loses of its width (Beverloo et al. 1961)."""
 CAN = {"radius": 0.035, "height": 0.08, "lift_speed": 0.05, "floor_friction": 0.6}
 """Of the can [m, m/s]: the source has no sizes."""
 
@@ -36,9 +36,7 @@ def surface_heights(positions: np.ndarray, cell: float, places: np.ndarray) -> n
 def compare_gate(records: list[Record]) -> list[Comparison]:
     """Return the final surface, beside the measured points."""
     reference = read_reference("gate")
-    measured = {record.label("cell", "friction_deg"): [(float(name.split()[1]), z, "") for name, z in
-                                                       record.readings.items() if name.startswith("height ")]
-                for record in records}
+    measured = {record.label("cell", "friction_deg"): record.curve("height") for record in records}
     return [Comparison(title="behind a lifted gate", x="distance [m]", y="height [m]", measured=measured,
                        published={"measured": [(x, z, "") for x, z in reference["rows"]]},
                        uncertainty=reference["uncertainty"], is_joined=True)]
@@ -65,7 +63,7 @@ def lifted_gate(*, cell: float = 0.0075, friction_deg: float = 34.0, stiffness: 
     half = np.array([cell, 4 * cell, 0.6 * height])
     gate = mpm.Collider(mpm.Sdf.box(tuple(half)), friction=GATE_FRICTION,
                         pose=mpm.Pose(np.array([length + half[0], cell / 2, half[2]]), UPRIGHT))
-    places = mpm.sample_box((0, 0, 0), (length, cell, height), cell / 2)
+    places = mpm.sample_box((0, 0, 0), (length, cell, height), cell / 2, np.random.default_rng(0))
     upper = [math.ceil(part / cell) * cell for part in GATE_ROOM]
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (upper[0], cell, upper[1]), cell), colliders=[gate], precision=precision,
@@ -85,8 +83,7 @@ def lifted_gate(*, cell: float = 0.0075, friction_deg: float = 34.0, stiffness: 
 def compare_slot(records: list[Record]) -> list[Comparison]:
     """Return the mass that has left over time, beside that of single spheres."""
     reference = read_reference("slot_of_beads")
-    measured = {record.label("cells"): [(float(name.split()[1]), m, "") for name, m in record.readings.items()
-                                        if name.startswith("mass ")] for record in records}
+    measured = {record.label("cells"): record.curve("mass") for record in records}
     return [Comparison(title="spheres that leave a slot", x="time [s]", y="mass [kg]", measured=measured,
                        published={"single spheres": [(t, m, "") for t, m in reference["rows"]]},
                        uncertainty=reference["uncertainty"], is_relative=True, is_joined=True)]
@@ -104,14 +101,10 @@ def slot_of_beads(*, cells: int = 13, E: float = 1e5, precision: str = "f32") ->
     much as grains lose of an opening. cells: of the grid over the slot and half a cell beyond each edge; E [Pa]."""
     reference = read_reference("slot_of_beads")
     cell = (reference["slot"] - K * reference["grain_diameter"]) / (cells - 1)
-    density = PACKING * reference["grain_density"]
-    slow, fast = (math.degrees(math.asin(math.tan(math.radians(a)))) for a in (SPHERES_DEG, SPHERES_FAST_DEG))
-    law = mpm.MuIRheology(E=E, nu=NU, density=density, friction_angle_deg=slow, limit_angle_deg=fast,
-                          cone="plane_strain", grain_diameter=reference["grain_diameter"],
-                          grain_density=reference["grain_density"], inertial_number=INERTIAL)
+    law = SPHERES.make_law(E, NU, reference)
     half = round(reference["silo"] / 2 / cell) * cell
     per_depth = reference["mass"] / reference["depth"] / 2  # of one half [kg/m]
-    fill, fall, thick = per_depth / density / half, 0.15, 4 * cell
+    fill, fall, thick = per_depth / law.density / half, 0.15, 4 * cell
     fall = math.ceil(fall / cell) * cell
     places = mpm.sample_box((0, 0, fall), (half, cell, fall + fill), cell / 2, np.random.default_rng(0))
     edge = 0.5 * cells * cell

@@ -82,7 +82,7 @@ def heap(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32, co
     height = BASE * math.tan(math.radians(begin))
     cell = height / cells
     room = math.ceil(2.2 * BASE / cell) * cell
-    positions = mpm.sample_box((0, 0, 0), (BASE, cell, height), cell / 2)
+    positions = mpm.sample_box((0, 0, 0), (BASE, cell, height), cell / 2, np.random.default_rng(0))
     positions = positions[positions[:, 2] < (BASE - positions[:, 0]) * height / BASE]
     timed, solver = set_up(mpm.Body(sand, positions, volume=0.5 * BASE * height * cell / len(positions)),
                            (room, cell, 1.2 * height), cell, walls=HEAP_WALLS, precision=precision,
