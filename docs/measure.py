@@ -1,11 +1,11 @@
 """Run the commands whose results the pages quote, and store these in docs/results/data: `python docs/measure.py NAME`.
 
 Names: rehearsal_spoon (and the pictures of its page), arms (three rehearsals with every arm, with its hand and
-without), foreign_arms (the spoon with arms of other packages, which docs/developer/testing.md says how to get), report,
-stability, bench, bench_field, gallery (stills of the rehearsals, and loops), dosing (our entries of the benchmark),
-networks (the bundled policies and their scores) and tables (the paper's): hours and days, which continue where they
-were interrupted. Without a name: all but these three. The gallery is drawn by Filament: DRAW in the environment names
-an interpreter with MuJoCo 4 (docs/guides/video.md).
+without), foreign_arms (the spoon with arms of other packages, which docs/developer/testing.md says how to get),
+stability, bench, bench_field, gallery (stills of the rehearsals, and loops), report (all verification cases), dosing
+(our entries of the benchmark), networks (the bundled policies and their scores) and tables (the paper's): the last four
+take hours and days, and continue where they were interrupted. Without a name: all but these four. The gallery is drawn
+by Filament: DRAW in the environment names an interpreter with MuJoCo 4 (docs/guides/video.md).
 """
 
 import argparse
@@ -28,12 +28,10 @@ from measuring.dosing import dosing  # noqa: E402
 from measuring.learning import networks, tables  # noqa: E402
 from measuring.pictures import check_interpreter, gallery, picture_of_arms, pictures  # noqa: E402
 from measuring.running import command, made_by  # noqa: E402
+from measuring.verification import report  # noqa: E402
 
 from robosim.base.digests import code_digest  # noqa: E402
 
-CASES = ["free_fall", "bar", "spin", "uniaxial", "column_weight", "hydrostatic", "return_mapping", "element_path",
-         "closed_system", "block_at_rest", "ik_poses", "jerk_limits", "two_models"]
-"""Cases of the stored report: a subject each from continuum, fluid, grains, coupling and robot."""
 AXES = ["courant", "friction_angle_deg", "mass_ratio", "lagged_mass_ratio", "rest"]
 SIZES = ["300", "2880", "50000"]
 
@@ -124,7 +122,7 @@ def foreign_arms(out: Path) -> dict[str, Any]:
             "refused_head": ["arm", "package", "refused"], "refused": refused}
 
 
-WHOLE = {"report": [*CASES, "--quick"], "stability": AXES,
+WHOLE = {"stability": AXES,
          "bench": ["coupling", "kinematics", "SpoonPour", "ShovelMove", "arm_SpoonPour"]}
 """Command whose file is stored as it is -> its words."""
 
@@ -147,11 +145,11 @@ def bench_field(out: Path) -> dict[str, Any]:
             "head": ["scene", "particles", "threads", "device", "ns per particle and substep"], "rows": rows}
 
 
-LONG = ("dosing", "networks", "tables")
+LONG = ("report", "dosing", "networks", "tables")
 TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "rehearsal_spoon": rehearsal_spoon, **{name: partial(whole, name) for name in WHOLE}, "bench_field": bench_field,
     "arms": arms, "foreign_arms": foreign_arms, "gallery": gallery, "dosing": dosing,
-    "networks": networks, "tables": tables}
+    "report": report, "networks": networks, "tables": tables}
 
 
 def main(words: list[str]) -> None:

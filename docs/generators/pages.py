@@ -1,12 +1,14 @@
 """Writes everything below docs/_generated before Sphinx reads the pages that include it."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from sphinx.application import Sphinx
 
 from generators import api, catalogue, commands, figures, keys, rooms
 from generators.results import dosing, learning, performance, verification
+from robosim.studies.verification.cases import CASES, NAMES
 
 PARTS: dict[str, Callable[[], str]] = {
     "commands.md": commands.page,
@@ -15,6 +17,9 @@ PARTS: dict[str, Callable[[], str]] = {
     "api_robosim.md": api.robosim_page,
     "api_policies.md": api.policies_page,
     "verification.md": verification.page,
+    "limits.md": verification.limits,
+    **{f"cases_{subject}.md": partial(verification.subject_page, subject) for subject in CASES},
+    **{f"case_{name}.svg": partial(verification.figure, name) for name in NAMES},
     "stability.md": verification.stability_page,
     "performance.md": performance.page,
     "arms.md": performance.arms_page,

@@ -1,14 +1,52 @@
 """The pages of verification cases and of stability, from files of `robosim report` and `robosim stability`."""
 
 import re
+from collections import Counter
+from functools import cache
+from typing import Any
 
-from generators.markdown import code, table
-from generators.results.measured import origin, outdated, stored
+import yaml
+
+from generators.markdown import cell, code, table
+from generators.results.case_figures import figure_of
+from generators.results.measured import DATA, origin, outdated, stored
 from robosim.base.digests import code_digest
-from robosim.studies.verification.cases import NAMES, SUBJECTS, find, module_name
+from robosim.studies.verification.cases import CASES, NAMES, SUBJECTS, find, module_name
+from robosim.studies.verification.cases.case import Record
+from robosim.studies.verification.runs import VERDICTS
 from robosim.studies.verification.stability.field import AXES
 
-VERDICTS = {"pass": "passed", "fail": "**failed**", "not run": "not run"}
+MARKS = {"pass": "pass", "weak": "**weak**", "fail": "**fail**", "not run": "not run"}
+
+
+@cache
+def report() -> dict[str, Any]:
+    """The stored report."""
+    return stored("report")
+
+
+@cache
+def reasons() -> dict[str, dict[str, str]]:
+    """What limits a case: `line`, in a line, and `more`, in paragraphs. Raises ValueError for an unknown case."""
+    content = yaml.safe_load((DATA / "reasons.yaml").read_text())
+    if unknown := set(content) - set(NAMES):
+        raise ValueError(f"{DATA / 'reasons.yaml'}: no cases {sorted(unknown)}")
+    return content
+
+
+def runs_of(name: str) -> list[dict[str, Any]]:
+    """The stored runs of a case."""
+    return [run for run in report()["runs"] if run["case"] == name]
+
+
+def records_of(name: str) -> list[Record]:
+    """The records of a case's runs that gave a result."""
+    return [Record(**run["record"]) for run in runs_of(name) if run["record"]]
+
+
+def is_old(name: str) -> bool:
+    """Whether a case's runs are older than the code that they use."""
+    return any(run["code"] != code_digest(module_name(name)) for run in runs_of(name))
 
 
 def choices(values: dict) -> str:
@@ -17,31 +55,94 @@ def choices(values: dict) -> str:
                      for key, value in values.items())
 
 
-def case_section(name: str, result: dict, runs: list[dict]) -> str:
-    """Expectations and runs of one case."""
-    mine = [run for run in runs if run["case"] == name]
+def span(result: dict[str, Any]) -> str:
+    """The main error: its name, least and largest value."""
+    low, high = result["range"]
+    if low is None:
+        return result["headline"]
+    unit = f" {result['unit']}" if result["unit"] else ""
+    ends = cell(low) if low == high else f"{cell(low)} to {cell(high)}"
+    return f"{result['headline']}: {ends}{unit}"
+
+
+def link(name: str) -> str:
+    """A link to a case's section, from a page of docs/results."""
+    return f"[`{name}`](cases/{SUBJECTS[name]}.md#{name.replace('_', '-')})"
+
+
+def overview(only: tuple[str, ...] = (), folder: str = "") -> str:
+    """All cases, or those of some verdicts, each in a line. folder: of docs/results, from the page's own."""
+    cases, rows = report()["cases"], []
+    for name in NAMES:
+        result = cases.get(name)
+        verdict = result["verdict"] if result else "not run"
+        if not only or verdict in only:
+            text = reasons().get(name, {}).get("line", "")
+            old = " (older code)" if result and is_old(name) else ""
+            rows.append([link(name).replace("](", f"]({folder}"), span(result) if result else "", MARKS[verdict] + old,
+                         text])
+    return raw_table(["case", "main error", "verdict", "what limits it"], rows)
+
+
+def raw_table(head: list[str], rows: list[list[str]]) -> str:
+    """A pipe table of cells that are Markdown already."""
+    return "\n".join([f"| {' | '.join(head)} |", f"|{'---|' * len(head)}",
+                      *(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
+
+
+def page() -> str:
+    """All cases on one screen."""
+    verdicts = Counter(result["verdict"] for result in report()["cases"].values())
+    counts = ", ".join(f"{verdicts[key]} {key}" for key in MARKS if verdicts[key])
+    return f"{VERDICTS} {len(report()['runs'])} runs; of {len(NAMES)} cases {counts}.\n\n{overview()}\n" \
+           f"{origin(report()['made_by'])}"
+
+
+def limits() -> str:
+    """The cases that are not right, with what limits them."""
+    return overview(("weak", "fail"), "../results/")
+
+
+def subject_page(subject: str) -> str:
+    """Sections of a subject's cases."""
+    return "\n".join(case_section(name) for name in CASES[subject])
+
+
+def case_section(name: str) -> str:
+    """What is simulated, figure, expectations and runs of one case."""
     texts = [re.sub(r"([*<_])", r"\\\1", text) for text in paragraphs(name)]
-    parts = [f"### {name}\n", *(f"{text}\n" for text in texts), f"Source: {result['source']}\n"]
+    result = report()["cases"].get(name)
+    parts = [f"## {name}\n", *(f"{text}\n" for text in texts), f"Source: {find(name).source}\n"]
+    if result is None:
+        return "\n".join([*parts, "Not run.\n"])
+    reason = reasons().get(name, {})
+    parts.append(f"**Verdict: {result['verdict']}.** {reason.get('line', '')}\n")
+    if is_old(name):
+        parts.append(f":::{{note}}\nMeasured before the code of this case changed last. `python docs/measure.py "
+                     f"report {name}` measures it again.\n:::\n")
+    records = records_of(name)
+    if records:
+        parts.append(f"```{{image}} ../../_generated/case_{name}.svg\n:alt: scene, comparison and errors of {name}\n"
+                     "```\n")
+    parts += [reason["more"]] if "more" in reason else []
     claims = [c for c in result["claims"] if c["verdict"] != "not run"]
     if claims:
         parts.append(table(["expectation", "measured", "accepted from", "to", "verdict"],
-                           [[c["claim"], c["found"], c["low"], c["high"], VERDICTS[c["verdict"]]] for c in claims]))
-    records = [run["record"] for run in mine if run["record"]]
+                           [[c["claim"], c["found"], c["low"], c["high"], c["verdict"]] for c in claims]))
+    parts += [f"No result at {choices(one['choices'])}: {one['reason']}\n" for one in result["failed"]]
     if records:
-        errors = sorted({key for r in records for key in r["errors"]})
+        errors = sorted({key for r in records for key in r.errors})
         parts.append(table(["parameters of the run", "particles", "steps", "run time [s]", *errors],
-                           [[choices(r["choices"]), r["particles"], r["steps"], r["seconds"],
-                             *(r["errors"].get(key) for key in errors)] for r in records]))
+                           [[choices(differing(name, r)), r.particles, r.steps, r.seconds,
+                             *(r.errors.get(key) for key in errors)] for r in records]))
     return "\n".join(parts)
 
 
-def note_on_age(runs: list[dict]) -> str:
-    """A note that names the cases whose runs are older than the code that they use."""
-    names = [n for n in NAMES if any(r["case"] == n and r["code"] != code_digest(module_name(n)) for r in runs)]
-    if not names:
-        return ""
-    return f":::{{note}}\nMeasured before the code of these cases changed last: {', '.join(names)}. `python " \
-           "docs/measure.py report` measures them again.\n:::\n\n"
+def differing(name: str, record: Record) -> dict[str, Any]:
+    """The choices of a run that are not those of the case by default, and its resolution."""
+    case = find(name)
+    return {key: value for key, value in record.choices.items()
+            if value != case.defaults.get(key) or key == case.resolution}
 
 
 def paragraphs(name: str) -> list[str]:
@@ -50,28 +151,15 @@ def paragraphs(name: str) -> list[str]:
     return [" ".join(text.split()) for text in texts]
 
 
-def overview() -> str:
-    """All cases with subject and summary."""
-    return table(["case", "subject", "simulation"],
-                 [[code(name), SUBJECTS[name], paragraphs(name)[0]] for name in NAMES])
-
-
-def page() -> str:
-    """All cases, then the expectations and runs of those in the stored report."""
-    report = stored("report")
-    measured = report["cases"]
-    verdicts = [c["verdict"] for result in measured.values() for c in result["claims"]]
-    text = f"## Cases\n\n{overview()}\n\n## Results\n\n{origin(report['made_by'])}\n" \
-            f"{len(measured)} cases, {len(report['runs'])} runs: " \
-            f"{verdicts.count('pass')} expectations met, {verdicts.count('fail')} failed, " \
-            f"{verdicts.count('not run')} need runs that `--quick` does not include.\n\n{note_on_age(report['runs'])}"
-    return text + "\n".join(case_section(name, result, report["runs"]) for name, result in measured.items())
+def figure(name: str) -> str:
+    """The figure of a case, or nothing where it has no runs."""
+    return figure_of(name, records_of(name))
 
 
 def stability_page() -> str:
     """Axes of the stability matrix, and the verdicts of the stored cells."""
-    report = stored("stability")
-    rows = [[cell["axis"], str(cell["value"]), cell["verdict"], cell["reason"]] for cell in report["cells"]]
-    return "\n".join([f"Axes: {', '.join(code(axis) for axis in AXES)}.\n", origin(report["made_by"]),
+    matrix = stored("stability")
+    rows = [[one["axis"], str(one["value"]), one["verdict"], one["reason"]] for one in matrix["cells"]]
+    return "\n".join([f"Axes: {', '.join(code(axis) for axis in AXES)}.\n", origin(matrix["made_by"]),
                       outdated("stability", "robosim.studies.verification.stability.field"),
                       table(["axis", "value", "verdict", "reason"], rows)])

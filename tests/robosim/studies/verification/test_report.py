@@ -11,10 +11,12 @@ from study_stand_in import StandIn
 
 from robosim.base.errors import ConfigError
 from robosim.reports.page import Page
+from robosim.studies.verification.cases.case import Record
 from robosim.studies.verification.cases.continuum import motion
+from robosim.studies.verification.cases.expectations import Order, Within
 from robosim.studies.verification.report import read_peers, report
 from robosim.studies.verification.report_page import add_comparison
-from robosim.studies.verification.runs import replace_non_finite
+from robosim.studies.verification.runs import Run, picture_of, replace_non_finite, summarize_case
 
 
 @pytest.mark.long
@@ -34,6 +36,38 @@ def test_a_report_runs_every_case_once(tmp_path: Path, monkeypatch: pytest.Monke
     again = StandIn(lambda **_: content["runs"][0]["record"])
     report(["free_fall"], tmp_path, quick=True, launcher=again)
     assert again.asked == [{"case": "free_fall", "choices": {"precision": "f16"}}]  # only the failed run is repeated
+
+
+def make_run(choices: dict, failed: str = "", picture: str = "", particles: int = 8, **errors: float) -> Run:
+    record = Record("free_fall", choices, particles, 1, 1.0, 0.0, errors, picture=picture)
+    return Run("free_fall", choices, "code", None if failed else record, failed)
+
+
+@pytest.mark.parametrize(("errors", "failed", "verdict"), [
+    ({"max": 0.5, "rms": 0.5}, "", "pass"), ({"max": 0.5, "rms": 2.0}, "", "weak"),
+    ({"max": 2.0, "rms": 0.5}, "", "fail"), ({"max": np.nan, "rms": 0.5}, "", "fail"),
+    ({"max": 0.5, "rms": 0.5}, "stopped", "fail"), ({}, "", "not run")])
+def test_the_verdict_of_a_case(errors: dict, failed: str, verdict: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Weak: all but the main error; a run that gave nothing, and an order that is not reached, count, too."""
+    monkeypatch.setattr(motion, "free_fall", replace(motion.free_fall, main_error="max", expectations=(
+        Within("max", 1.0), Within("rms", 1.0))))
+    runs = [make_run({"speed": 1.0}, **errors)] if errors else []
+    result = summarize_case("free_fall", runs + [make_run({}, failed)] * bool(failed))
+    assert result["verdict"] == verdict
+    assert result["range"] == ([errors["max"]] * 2 if np.isfinite(errors.get("max", np.nan)) else result["range"])
+
+
+def test_an_order_alone_makes_a_case_weak(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion, "free_fall", replace(motion.free_fall, main_error="max", expectations=(
+        Within("max", 1.0), Order("max", "speed", (1.0, 2.0), 1.5))))
+    runs = [make_run({"speed": speed}, max=error) for speed, error in ((1.0, 0.4), (2.0, -0.2))]
+    result = summarize_case("free_fall", runs)
+    assert result["verdict"] == "weak" and result["range"] == [-0.2, 0.4]
+
+
+def test_the_largest_run_lends_its_picture() -> None:
+    runs = [make_run({}, picture=text, particles=n) for text, n in (("a", 5), ("b", 7), ("", 9))]
+    assert picture_of([run.record for run in runs if run.record]) == "b" and picture_of([]) == ""
 
 
 @pytest.mark.parametrize("content", ["{", '{"case": "bar"}\n', "[1, 2]\n"])
