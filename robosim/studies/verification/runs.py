@@ -16,6 +16,9 @@ from robosim.studies.verification.cases import find, module_name
 from robosim.studies.verification.cases.case import Case, Record, value_of
 from robosim.studies.verification.cases.expectations import Within, judge
 
+VERDICTS = "A case passes if all of its expectations are met; it is weak if all ranges of its main error are held, "\
+           "but not all that else is expected."
+
 
 @dataclass(frozen=True)
 class Run:
@@ -105,10 +108,6 @@ def summarize_case(case: str, runs: list[Run]) -> dict[str, Any]:
             "range": [values[0], values[-1]] if values else [None, None],
             "unit": physics.units.get(physics.main_error, ""), "verdict": verdict_of(physics, claims, runs),
             "failed": [{"choices": run.choices, "reason": run.failed} for run in runs if run.failed], "series": series}
-
-
-VERDICTS = "A case passes if all of its expectations are met; it is weak if all ranges of its main error are held, "\
-           "but not all that else is expected."
 
 
 def verdict_of(physics: Case, claims: list[dict[str, Any]], runs: list[Run]) -> str:
