@@ -15,8 +15,8 @@ MAX_SITES = 20_000_000
 def sample_box(lower: ArrayLike, upper: ArrayLike, spacing: float,
                rng: np.random.Generator | None = None) -> np.ndarray:
     """Return positions [m] (n, 3) on a lattice in the box from lower to upper [m].
-    spacing: distance [m] between them, adjusted so that the box is filled. rng: displaces them at random, as grains that
-    are to flow need: equal layers of a lattice move as one, and flow takes up to a fifth of their room
+    spacing: distance [m] between them, adjusted so that the box is filled. rng: displaces them at random, as grains
+    need that flow: equal layers of a lattice move as one, and lose up to a fifth of their room
     (docs/concepts/limits.md); None: regular lattice. Raises InvalidValue for a spacing larger than the box."""
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     if not 0 < spacing < np.inf or not np.all(upper - lower >= spacing):
