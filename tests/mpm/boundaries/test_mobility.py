@@ -62,7 +62,7 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("thin", [False, True])
+@pytest.mark.parametrize("thin", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_grains_are_moved_out_of_a_collider_and_not_thrown(thin: bool) -> None:
     """Both fly with one velocity, and grains begin 2 mm deep in the ball: they come out, slower than with the velocity
     that would carry them. It would be a load's that rings in a held tool."""

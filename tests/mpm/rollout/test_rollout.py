@@ -151,7 +151,7 @@ def test_a_smaller_budget_changes_no_bit(two_materials):
         assert np.array_equal(gradient, found[0][1][1])
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_grains_wait_for_a_wall_in_a_rollout_as_in_the_solver(fluid_roll):
     """Thrown down at the floor: positions of a rollout and of the solver, and slopes along three directions."""
     solver, before, loss = fluid_roll.solver, fluid_roll.start, weighted_ends(len(fluid_roll.start["x"]), 20)

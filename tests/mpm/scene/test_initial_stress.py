@@ -52,7 +52,8 @@ def test_two_bodies_keep_their_own() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("law", [SAND, WATER, mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0)])
+@pytest.mark.parametrize("law", [SAND, WATER, pytest.param(mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0),
+                                                           marks=pytest.mark.slow)])
 def test_a_bed_under_its_own_weight_stays_at_rest(law: object) -> None:
     """It moves at less than a hundredth of the speed that it does where it begins without stress."""
     speeds = []

@@ -64,8 +64,8 @@ def test_a_state_has_the_remainder() -> None:
     assert "remainder" not in double.state() and not double.particles.remainder
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("interval", [pytest.param(0.0, marks=pytest.mark.slow), 5 * DT])
+@pytest.mark.slow
+@pytest.mark.parametrize("interval", [0.0, 5 * DT])
 def test_rollouts_move_as_the_solver(interval: float) -> None:
     """The forward sweeps, and those that a gradient repeats, end where the solver does, far below a quantum."""
     solver, begin = slow_block(transfer_interval=interval)

@@ -213,7 +213,7 @@ def test_a_folder_is_locked(tmp_path):
         make(tmp_path)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_search_from_rest_empties_the_tool_over_the_target(tmp_path):
     """In the fluid that is searched in, and with the same motion among grains: no full tool that waits above."""
     assert demonstrate("SpoonPour", tmp_path, SearchOptions(nominal=True), n=1, film=False) == 0

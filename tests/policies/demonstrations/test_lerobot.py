@@ -51,7 +51,7 @@ def played(folder: Path) -> list[list]:
                              options={"nominal": True})) for k in range(2)]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_tables_and_film_have_the_demonstrations_step_by_step(dataset: tuple[Path, Path]) -> None:
     import pyarrow.parquet as pq
 

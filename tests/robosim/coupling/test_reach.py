@@ -41,9 +41,8 @@ def drop(coupling: str, steps: int, sleep: bool = False, speed: float = 0.0) -> 
     return plugin, answers, np.array(heights)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("coupling", ["one_way", *(
-    pytest.param(one, marks=pytest.mark.slow) for one in ("mobility", "lagged"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("coupling", ["one_way", "mobility", "lagged"])
 def test_a_ball_falls_and_lands_as_if_it_were_always_probed(coupling: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """To the bit, but where the motion of a fast ball that is far away would have made substeps shorter."""
     plugin, answers, heights = drop(coupling, 90)

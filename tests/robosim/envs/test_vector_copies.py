@@ -26,8 +26,8 @@ def make_short(arm: bool, num_envs: int, workers: int | None = 1, mode: str = "S
 
 @pytest.mark.long
 @pytest.mark.parametrize(("arm", "num_envs", "workers"), [
-    (False, 3, 1), pytest.param(False, 3, 2, marks=SLOW), (True, 1, 1), pytest.param(True, 2, 1, marks=SLOW),
-    pytest.param(True, 3, 2, marks=SLOW)])
+    (False, 3, 1), pytest.param(False, 3, 2, marks=SLOW), pytest.param(True, 1, 1, marks=SLOW),
+    pytest.param(True, 2, 1, marks=SLOW), pytest.param(True, 3, 2, marks=SLOW)])
 def test_one_of_several_is_restored_alone(arm: bool, num_envs: int, workers: int) -> None:
     """To the bit, over ends of episodes, in this process or in others; a single environment continues it, too."""
     vector, last = make_short(arm, num_envs, workers, **SOFT), num_envs - 1

@@ -70,7 +70,7 @@ def test_every_task_passes_with_every_combination(task: str, arm: bool):
     ("SpoonPour", {
         "obs": ["tool", "wrist", "scale", "height_map", "grains", {"name": "depth", "noise_model": "stereo"}],
         "latency": 0.02, "noise": 1e-3, "dropout": 0.1, "action_delay": 0.03}),
-    ("SpoonTranslate", {"obs": ["tool", "grains", "goal"], "randomize": "wide"}),
+    pytest.param("SpoonTranslate", {"obs": ["tool", "grains", "goal"], "randomize": "wide"}, marks=pytest.mark.slow),
     *(pytest.param(task, {"obs": ["tool", "wrist", "grains", *(["joints"] if arm else [])], "arm": arm},
                    marks=pytest.mark.slow) for task in BUNDLED for arm in (False, True))])
 def test_terms_are_the_same_in_a_vector_environment(task: str, options: dict):

@@ -32,7 +32,7 @@ def test_a_report_runs_every_case_once(tmp_path: Path, monkeypatch: pytest.Monke
     page = (tmp_path / "index.html").read_text()
     assert "precision f64" in page and "No result at precision f16" in page
     markup = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
-    assert all(link.startswith("#") for link in re.findall(r'(?:src|href)="([^"]*)"', markup))
+    assert all(link.startswith(("#", "data:")) for link in re.findall(r'(?:src|href)="([^"]*)"', markup))
     again = StandIn(lambda **_: content["runs"][0]["record"])
     report(["free_fall"], tmp_path, quick=True, launcher=again)
     assert again.asked == [{"case": "free_fall", "choices": {"precision": "f16"}}]  # only the failed run is repeated
