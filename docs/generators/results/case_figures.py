@@ -8,7 +8,9 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.image import imread
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from generators.figures import GREY, STYLE
 from robosim.studies.verification.cases import find
@@ -86,8 +88,18 @@ def draw_errors(axes: Axes, name: str, records: list[Record]) -> None:
     axes.set(xlabel="seconds on one core", ylabel=f"error ({case.main_error}{f' [{unit}]' if unit else ''})",
              xscale="log", yscale="log")
     axes.set_title("error against run time", fontsize=8)
+    for axis in (axes.xaxis, axes.yaxis):
+        label_sparsely(axis)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best")
+
+
+def label_sparsely(axis: Axis) -> None:
+    """Label 1, 2 and 5 of every decade of a logarithmic axis that has less than two; else the decades."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def value_of(record: Record, name: str) -> float:
