@@ -56,3 +56,7 @@ def test_the_page_has_a_line_and_a_section_of_every_case(monkeypatch: pytest.Mon
     assert "Measured before" in section and "case_free_fall.svg" in section and "**Verdict: fail.**" in section
     assert "Not run." in verification.case_section("heap") and verification.figure("heap") == ""
     assert verification.figure("free_fall").startswith("<?xml")
+
+
+def test_code_in_a_docstring_stays_as_it_is() -> None:
+    assert verification.escape("a_b < `c_d`, e*f") == r"a\_b \< `c_d`, e\*f"

@@ -110,16 +110,16 @@ def subject_page(subject: str) -> str:
 
 def case_section(name: str) -> str:
     """What is simulated, figure, expectations and runs of one case."""
-    texts = [re.sub(r"([*<_])", r"\\\1", text) for text in paragraphs(name)]
+    texts = [escape(text) for text in paragraphs(name)]
     result = report()["cases"].get(name)
     parts = [f"## {name}\n", *(f"{text}\n" for text in texts), f"Source: {find(name).source}\n"]
     if result is None:
         return "\n".join([*parts, "Not run.\n"])
     reason = reasons().get(name, {})
-    parts.append(f"**Verdict: {result['verdict']}.** {reason.get('line', '')}\n")
+    parts.append(f"**Verdict: {result['verdict']}.** What limits it: {reason.get('line', 'not known')}.\n")
     if is_old(name):
         parts.append(f":::{{note}}\nMeasured before the code of this case changed last. `python docs/measure.py "
-                     f"report {name}` measures it again.\n:::\n")
+                     "report` measures it again.\n:::\n")
     records = records_of(name)
     if records:
         parts.append(f"```{{image}} ../../_generated/case_{name}.svg\n:alt: scene, comparison and errors of {name}\n"
@@ -136,6 +136,12 @@ def case_section(name: str) -> str:
                            [[choices(differing(name, r)), r.particles, r.steps, r.seconds,
                              *(r.errors.get(key) for key in errors)] for r in records]))
     return "\n".join(parts)
+
+
+def escape(text: str) -> str:
+    """Text whose characters mean nothing in Markdown, but for code between backticks, which stays."""
+    parts = text.split("`")
+    return "`".join(part if n % 2 else re.sub(r"([*<_])", r"\\\1", part) for n, part in enumerate(parts))
 
 
 def differing(name: str, record: Record) -> dict[str, Any]:
