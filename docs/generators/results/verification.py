@@ -118,7 +118,7 @@ def case_section(name: str) -> str:
     reason = reasons().get(name, {})
     parts.append(f"**Verdict: {result['verdict']}.** What limits it: {reason.get('line', 'not known')}.\n")
     if is_old(name):
-        parts.append(f":::{{note}}\nMeasured before the code of this case changed last. `python docs/measure.py "
+        parts.append(":::{note}\nMeasured before the code of this case changed last. `python docs/measure.py "
                      "report` measures it again.\n:::\n")
     records = records_of(name)
     if records:
