@@ -12,7 +12,7 @@ from generators.results.case_figures import figure_of
 from generators.results.measured import DATA, origin, outdated, stored
 from robosim.base.digests import code_digest
 from robosim.studies.verification.cases import CASES, NAMES, SUBJECTS, find, module_name
-from robosim.studies.verification.cases.case import Record
+from robosim.studies.verification.cases.case import Record, describe
 from robosim.studies.verification.runs import VERDICTS
 from robosim.studies.verification.stability.field import AXES
 
@@ -47,12 +47,6 @@ def records_of(name: str) -> list[Record]:
 def is_old(name: str) -> bool:
     """Whether a case's runs are older than the code that they use."""
     return any(run["code"] != code_digest(module_name(name)) for run in runs_of(name))
-
-
-def choices(values: dict) -> str:
-    """Choices of a run in a line."""
-    return ", ".join(f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
-                     for key, value in values.items())
 
 
 def span(result: dict[str, Any]) -> str:
@@ -113,9 +107,10 @@ def case_section(name: str) -> str:
     texts = [escape(text) for text in paragraphs(name)]
     result = report()["cases"].get(name)
     parts = [f"## {name}\n", *(f"{text}\n" for text in texts), f"Source: {find(name).source}\n"]
-    if result is None:
-        return "\n".join([*parts, "Not run.\n"])
     reason = reasons().get(name, {})
+    if result is None:
+        line = f"Not run. What limits it: {reason.get('line', 'not known')}.\n"
+        return "\n".join([*parts, line, reason.get("more", "")])
     parts.append(f"**Verdict: {result['verdict']}.** What limits it: {reason.get('line', 'not known')}.\n")
     if is_old(name):
         parts.append(":::{note}\nMeasured before the code of this case changed last. `python docs/measure.py "
@@ -129,11 +124,11 @@ def case_section(name: str) -> str:
     if claims:
         parts.append(table(["expectation", "measured", "accepted from", "to", "verdict"],
                            [[c["claim"], c["found"], c["low"], c["high"], c["verdict"]] for c in claims]))
-    parts += [f"No result at {choices(one['choices'])}: {one['reason']}\n" for one in result["failed"]]
+    parts += [f"No result at {describe(one['choices'])}: {one['reason']}\n" for one in result["failed"]]
     if records:
         errors = sorted({key for r in records for key in r.errors})
         parts.append(table(["parameters of the run", "particles", "steps", "run time [s]", *errors],
-                           [[choices(differing(name, r)), r.particles, r.steps, r.seconds,
+                           [[describe(differing(name, r)), r.particles, r.steps, r.seconds,
                              *(r.errors.get(key) for key in errors)] for r in records]))
     return "\n".join(parts)
 

@@ -1,4 +1,4 @@
-"""The picture of a case's scene shows what there is in a plane, where it is, and nothing of what is beside it."""
+"""The picture of a case's scene shows what a plane cuts, in its place, and no more."""
 
 import base64
 import io
@@ -52,7 +52,7 @@ def test_grains_fill_the_lower_quarter(thick: float) -> None:
     assert 0.4 < len(grains) / (0.25 * LONGEST**2) < 1.0
 
 
-def test_what_is_beside_the_plane_is_not_drawn() -> None:
+def test_what_the_plane_misses_is_not_drawn() -> None:
     """The plane goes through the first collider; the second does not reach it."""
     balls = [mpm.Collider(mpm.Sdf.sphere(0.01), pose=at(0.05, y, 0.1)) for y in (0.12, 0.06)]
     assert len(shares_of(SOLID, balls)) == pytest.approx(np.pi * (0.01 * LONGEST / SIDE) ** 2, rel=0.05)
