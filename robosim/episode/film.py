@@ -22,6 +22,7 @@ from robosim.episode.cameras import find_camera, make_camera
 from robosim.episode.sheet import choose_moment, find_passages, name_passage
 from robosim.recordings.appearance import build_appearance
 from robosim.recordings.reader import FILE, Recording, find_recordings
+from robosim.rendering.changes import Changes
 from robosim.rendering.filament import FilamentRenderer, FilamentUnavailable, Grains, find_device
 from robosim.rendering.grain_skin import add_grain_skin
 from robosim.rendering.renderer import RenderingUnavailable, SceneRenderer, add_mark
@@ -187,13 +188,16 @@ class Pictures(contextlib.AbstractContextManager["Pictures"]):
             self._renderer = FilamentRenderer(self._model, grains, width, height)
         else:
             self._renderer = SceneRenderer(self._model, header.grains, width, height)
+        self._changes = Changes(self._model, (height, width), header.grain_radius)
+        self._last = np.empty((height, width, 3), np.uint8)
 
     def draw(self, k: int) -> np.ndarray:
         """Draw the k-th frame (height, width, 3)."""
         return self._begin(k)()
 
     def draw_all(self, frames: range) -> Iterator[tuple[int, np.ndarray]]:
-        """Draw frames, each with its number; each one is finished while the next one is begun."""
+        """Draw frames, each with its number; each one is finished while the next one is begun, so that no other may be
+        drawn meanwhile."""
         with ThreadPoolExecutor(1) as worker:
             begun: list[tuple[int, Future[np.ndarray]]] = []
             for k in frames:
@@ -205,9 +209,22 @@ class Pictures(contextlib.AbstractContextManager["Pictures"]):
                 yield number, finished.result()
 
     def _begin(self, k: int) -> Callable[[], np.ndarray]:
-        scene = self._recording.scene(k)
+        """Begin the part of a frame that differs from the one begun before; what it returns is called in this order."""
+        scene, grains = self._recording.scene(k), self._recording.grains(k).positions
         self._data.mocap_pos[:], self._data.mocap_quat[:] = scene.poses[:, :3], scene.poses[:, 3:]
-        return self._renderer.begin(self._data, self._recording.grains(k).positions, self._camera(scene.time))
+        camera = self._camera(scene.time)
+        part = self._changes.find(self._data, grains, camera, self._renderer.find_light(self._data))
+        if 0 in part.shape:
+            return lambda: self._last
+        drawn = self._renderer.begin(self._data, grains, camera, part)
+
+        def finish() -> np.ndarray:
+            picture = self._last.copy()
+            picture[part.rows, part.columns] = drawn()
+            self._last = picture
+            return picture
+
+        return finish
 
     def __exit__(self, *_: object) -> None:
         self._renderer.close()

@@ -16,13 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robosim.base.errors import RobosimError
-from robosim.rendering.grain_skin import HEAP, compute_normals, find_surface, make_crystals
+from robosim.rendering.grain_skin import Crystals, make_crystals
 from robosim.rendering.renderer import aim
-from robosim.rendering.soft_shadows import View
+from robosim.rendering.views import View, Window
 
 KEY = {"intensity": 60_000.0, "color": (1.0, 0.97, 0.92), "bulb_radius": 0.05, "softness": 1.0, "shadow_map_size": 2048}
 """The key light, which is as far away as the sun and casts soft shadows; intensity in lux."""
-KEY_DIRECTION, KEY_POSITION = (-0.35, 0.45, -0.82), (0.0, 0.0, 3.0)
+KEY_DIRECTION, KEY_POSITION, FAR = (-0.35, 0.45, -0.82), (0.0, 0.0, 3.0), 1e3
+"""FAR: a distance [m] of a light whose rays are parallel."""
+GUARD = 12
+"""Rim [pixels] about a part of a picture, which is drawn with it: there its ambient occlusion lacks what is outside."""
 GRAIN_ROUGHNESS, GRAIN_SPECULAR = 0.9, 0.2
 ROOM = 1.25
 """Capacity of the mesh of grains, in what the first picture that it is too small for needs."""
@@ -87,9 +90,8 @@ class FilamentRenderer:
         self._read = api.ReadRequest(target=self._target)
         self._read.set_buffer(self._picture)
         self._request = api.RenderRequest(
-            scene=self._scene, target=self._target, viewport=api.Rect(left=0, bottom=0, width=width, height=height),
-            draw_mode=api.DrawMode.DRAW_MODE_DEFAULT, post_processing=True, reflections=True, shadows=True,
-            skybox=True, haze=True, headlight=False)
+            scene=self._scene, target=self._target, draw_mode=api.DrawMode.DRAW_MODE_DEFAULT, post_processing=True,
+            reflections=True, shadows=True, skybox=True, haze=True, headlight=False)
         self._eye = mujoco.MjvScene(model, 1)
         self._heap = GrainMesh(api, self._context, self._scene, grains) if grains else None
 
@@ -98,21 +100,29 @@ class FilamentRenderer:
         """Draw the picture (height, width, 3) of a camera; positions (n, 3) [m] are those of the grains."""
         return self.begin(data, positions, camera)()
 
-    def begin(self, data: mujoco.MjData, positions: NDArray[np.floating] | None, camera: str | mujoco.MjvCamera
-              ) -> Callable[[], NDArray[np.uint8]]:
-        """Draw a picture as `draw` does, and return what gives it, as that of other renderers does."""
-        eye = aim(self._model, data, camera)
+    def begin(self, data: mujoco.MjData, positions: NDArray[np.floating] | None, camera: str | mujoco.MjvCamera,
+              window: Window | None = None) -> Callable[[], NDArray[np.uint8]]:
+        """Draw a picture as `draw` does, or a part of it, and return what gives it, as that of other renderers does."""
+        eye, (height, width) = aim(self._model, data, camera), self._picture.shape[:2]
         mujoco.mjv_updateScene(self._model, data, mujoco.MjvOption(), None, eye, 0, self._eye)  # its camera alone
-        view = View.of(self._eye)
+        view, window = View.of(self._eye), window or Window.whole((height, width))
+        drawn = window.grow(GUARD, (height, width))
+        frustum = view.frustum((height, width), drawn)
+        self._request.viewport = self._api.Rect(left=drawn.left, bottom=height - drawn.bottom,
+                                                width=drawn.shape[1], height=drawn.shape[0])
         self._request.camera = self._api.Camera(
-            pos=view.position, forward=view.axes[2], up=view.axes[1], frustum_bottom=-view.top, frustum_top=view.top,
-            frustum_near=view.near, frustum_far=view.far)
+            pos=view.position, forward=view.axes[2], up=view.axes[1], frustum_center=frustum.centre,
+            frustum_bottom=frustum.bottom, frustum_top=frustum.top, frustum_near=view.near, frustum_far=view.far)
         for part in self._parts:
             part.update(data)
         if self._heap is not None:
-            self._heap.place(np.empty((0, 3)) if positions is None else positions)
+            self._heap.place(np.empty((0, 3)) if positions is None else positions, view.position)
         self._context.wait_for_frame(self._context.render([self._request], [self._read]))
-        return self._picture.copy
+        return self._picture[window.rows, window.columns].copy
+
+    def find_light(self, data: mujoco.MjData) -> NDArray[np.float64]:
+        """Return the position (3,) [m] of the light that casts shadows."""
+        return -FAR * np.array(KEY_DIRECTION)
 
     def close(self) -> None:
         """Free all that it holds, parts before the context that they belong to."""
@@ -124,10 +134,8 @@ class GrainMesh:
     """All visible grains as one mesh, which every picture uploads anew."""
 
     def __init__(self, api: Any, context: Any, scene: Any, grains: Grains) -> None:
-        self._api, self._context, self._radius = api, context, grains.radius
-        self._facets = make_crystals(grains.count, grains.radius)
-        self._normals = compute_normals(self._facets).astype(np.float32)
-        self._facets = self._facets.astype(np.float32)
+        self._api, self._context = api, context
+        self._crystals = Crystals(make_crystals(grains.count, grains.radius))
         usage, kind = api.VertexAttributeUsage, api.VertexAttributeType
         self._attributes = [api.VertexAttribute(usage=one, type=of) for one, of in (
             (usage.VERTEX_ATTRIBUTE_USAGE_POSITION, kind.VERTEX_ATTRIBUTE_TYPE_FLOAT3),
@@ -141,12 +149,9 @@ class GrainMesh:
         self._drawn.set_material(material)
         self._scene, self._is_shown = scene, False
 
-    def place(self, positions: NDArray[np.floating]) -> None:
-        """Put grains at positions (n, 3) [m]."""
-        places = np.asarray(positions, np.float32)
-        visible, outward = find_surface(places, 4.0 * self._radius)
-        corners = (self._facets[visible] + places[visible][:, None]).reshape(-1, 3)
-        normals = (self._normals[visible] + HEAP * outward[:, None]).reshape(-1, 3)
+    def place(self, positions: NDArray[np.floating], eye: NDArray[np.float64]) -> None:
+        """Put grains at positions (n, 3) [m], seen from an eye (3,)."""
+        corners, normals = self._crystals.show(positions, eye)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         if self._is_shown != bool(len(corners)):  # a mesh without extent is refused
             (self._scene.remove_renderable if self._is_shown else self._scene.add_renderable)(self._drawn)

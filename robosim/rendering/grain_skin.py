@@ -17,6 +17,8 @@ GRAIN_RADIUS = 0.62
 CORNERS: Array = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 FULL_CELL, STEEP = 8, 0.06
 """Grains in a cube of a heap, and the slope of density, in these per cube, from which a surface is one."""
+CELL_IN_RADII = 4.0
+"""Side of the cubes that find hidden grains, in radii: large enough that few inside a heap are empty by chance."""
 HEAP = 2.0
 """Weight of a heap's normal beside that of a grain's face."""
 FACES = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
@@ -83,6 +85,37 @@ def find_surface(positions: NDArray[np.floating], cell: float) -> tuple[NDArray[
     outward = -slopes / np.maximum(steepness, STEEP * FULL_CELL)
     outward[:, 2] = np.maximum(outward[:, 2], 0.0) + 0.5  # in a thin layer the slope is of either sign
     return shown, outward.astype(np.float32)
+
+
+class Crystals:
+    """Grains of given facets (n, 24, 3) [m] about the origin; of them a picture takes the faces that it can show."""
+
+    def __init__(self, facets: Array) -> None:
+        self._radius = float(np.linalg.norm(facets, axis=2).mean())
+        self._normals = compute_normals(facets).astype(np.float32).reshape(-1, 9)
+        faces = facets.astype(np.float32).reshape(-1, len(FACES), 3, 3)
+        a, b, c = np.moveaxis(faces, 2, 0)
+        self._faces, self._outward = faces.reshape(-1, 9), np.cross(b - a, c - a)
+        """Faces of all grains, one after the other (8 n, 9), and their normals (n, 8, 3), not of unit length."""
+
+    def show(self, positions: NDArray[np.floating], eye: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return corners (3 m, 3) [m] and normals, not of unit length, of the faces that grains at positions (n, 3)
+        show an eye (3,). The first half of the faces is of every second grain.
+        Raises ValueError for more positions than there are grains."""
+        if len(positions) > len(self._outward):
+            raise ValueError(f"positions of {len(positions)} grains; accepted: at most {len(self._outward)}, as many "
+                             f"as the scene's skin has")
+        positions = np.asarray(positions, np.float32)
+        visible, outward = find_surface(positions, CELL_IN_RADII * self._radius)
+        order = np.argsort(np.arange(len(visible)) % 2, kind="stable")
+        visible, outward = visible[order], outward[order]
+        sight = (eye - positions[visible]).astype(np.float32)
+        seen = np.flatnonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
+        grain = seen // len(FACES)
+        shown = visible[grain] * len(FACES) + seen % len(FACES)
+        corners = self._faces[shown] + np.tile(positions[visible], 3)[grain]
+        normals = self._normals[shown] + np.tile(HEAP * outward, 3)[grain]
+        return corners.reshape(-1, 3).astype(np.float32), normals.reshape(-1, 3).astype(np.float32)
 
 
 def read_facets(model: mujoco.MjModel, grain_count: int) -> Array:

@@ -14,8 +14,9 @@ from PIL import Image, ImageChops
 
 from robosim.base.errors import RobosimError
 from robosim.config.scene import RegionConfig
-from robosim.rendering.grain_skin import FACES, HEAP, compute_normals, find_surface, read_facets
-from robosim.rendering.soft_shadows import Shadows, View
+from robosim.rendering.grain_skin import Crystals, read_facets
+from robosim.rendering.soft_shadows import Shadows
+from robosim.rendering.views import View, Window
 
 Array = NDArray[np.float64]
 
@@ -34,8 +35,6 @@ STRIP = 36
 SKY = (228.0, 233.0, 239.0), (204.0, 209.0, 216.0)
 """Colours of what is behind everything, at the top and at the bottom of a picture: RGB."""
 MOST_GEOMS = 10_000
-CELL_IN_RADII = 4.0
-"""Side of the cubes that find hidden grains, in radii: large enough that few inside a heap are empty by chance."""
 APT_COMMAND = "apt-get install -y --no-install-recommends libegl1 libgl1"
 
 
@@ -53,13 +52,7 @@ class SceneRenderer:
 
     def __init__(self, model: mujoco.MjModel, grain_count: int, width: int = 1280, height: int = 720) -> None:
         self._model, self._size = model, (height, width)
-        self._facets = read_facets(model, grain_count)
-        self._radius = float(np.linalg.norm(self._facets, axis=2).mean()) if grain_count else 0.0
-        self._normals = compute_normals(self._facets).astype(np.float32).reshape(-1, 9)
-        faces = self._facets.astype(np.float32).reshape(-1, len(FACES), 3, 3)
-        a, b, c = np.moveaxis(faces, 2, 0)
-        self._facets, self._outward = faces.reshape(-1, 9), np.cross(b - a, c - a)
-        """Faces of all grains, one after the other (8 n, 9), and their normals (n, 8, 3), not of unit length."""
+        self._crystals = Crystals(read_facets(model, grain_count)) if grain_count else None
         sky = np.linspace(SKY[0], SKY[1], height)[:, None].astype(np.uint8)
         self._sky = Image.fromarray(np.repeat(sky, width, axis=1))
         self._map = int(np.clip(MAP_SHARE * height, *MAP_SIZES))
@@ -81,32 +74,48 @@ class SceneRenderer:
         None draws no grains."""
         return self.begin(data, positions, camera)()
 
-    def begin(self, data: mujoco.MjData, positions: Array | None, camera: str | mujoco.MjvCamera
-              ) -> Callable[[], NDArray[np.uint8]]:
-        """Begin a picture as `draw` does; return what finishes it, which another thread may call meanwhile."""
+    def begin(self, data: mujoco.MjData, positions: Array | None, camera: str | mujoco.MjvCamera,
+              window: Window | None = None) -> Callable[[], NDArray[np.uint8]]:
+        """Begin a picture as `draw` does, or a part of it; return what finishes it, which another thread may call
+        meanwhile."""
         eye = aim(self._model, data, camera)
-        scene, (height, width) = self._scene, self._size
+        scene, window = self._scene, window or Window.whole(self._size)
         mujoco.mjv_updateScene(self._model, data, self._option, None, eye, mujoco.mjtCatBit.mjCAT_ALL, scene)
-        if len(self._outward):
-            self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32))
-        self._gl.make_current()
         view = View.of(scene)
-        colours, depth = self._read(view, SMOOTHING * height, SMOOTHING * width)
-        light = next((light for light in scene.lights[: scene.nlight] if light.castshadow), None)
+        if self._crystals is not None:
+            self._place_grains(self._crystals, np.empty((0, 3)) if positions is None else positions, view)
+        self._gl.make_current()
+        view.enter(scene, self._size, window)
+        colours, depth = self._read(*(SMOOTHING * n for n in window.shape))
+        light = self._light()
         if light is None:
-            return partial(self._shade, colours, depth, view, None)
-        if len(self._outward):
+            return partial(self._shade, window, colours, depth, view, None)
+        if self._crystals is not None:
             scene.skinfacenum[0] //= 2  # enough for the shadows of grains, which are narrower than a shadow's edge
-        light = View.of_light(light, self._model.stat.center, self._model.vis.map.shadowscale * self._model.stat.extent)
-        return partial(self._shade, colours, depth, view, (light, self._read(light, self._map, self._map)[1]))
+        light.enter(scene)
+        return partial(self._shade, window, colours, depth, view, (light, self._read(self._map, self._map)[1]))
 
-    def _shade(self, colours: NDArray[np.uint8], depths: NDArray[np.float32], view: View,
+    def find_light(self, data: mujoco.MjData) -> NDArray[np.float64] | None:
+        """Return the position (3,) [m] of the light that casts shadows, None without one."""
+        aim(self._model, data, mujoco.MjvCamera())
+        mujoco.mjv_updateScene(self._model, data, self._option, None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_STATIC,
+                               self._scene)
+        light = self._light()
+        return None if light is None else light.position
+
+    def _light(self) -> View | None:
+        """Return the view from the scene's first light that casts shadows."""
+        light = next((light for light in self._scene.lights[: self._scene.nlight] if light.castshadow), None)
+        radius = self._model.vis.map.shadowscale * self._model.stat.extent
+        return None if light is None else View.of_light(light, self._model.stat.center, radius)
+
+    def _shade(self, window: Window, colours: NDArray[np.uint8], depths: NDArray[np.float32], view: View,
                light: tuple[View, NDArray[np.float32]] | None) -> NDArray[np.uint8]:
-        """Return the picture (height, width, 3) with shadows, fog and sky.
-        colours, depths: of the view, with all samples. light: its view, and its depth buffer."""
-        height, width = self._size
+        """Return a part (height, width, 3) of the picture with shadows, fog and sky.
+        colours, depths: of the part, with all samples. light: its view, and its depth buffer."""
+        height, width = window.shape
         room, extent = self._model.vis.map, np.float32(self._model.stat.extent)
-        shadows = None if light is None else Shadows(self._size, view, *light)
+        shadows = None if light is None else Shadows(self._size, window, view, *light)
         share, cover = np.empty((2, height, width), np.uint8)
         for first in range(0, height, STRIP):
             rows = slice(first, first + STRIP)
@@ -123,38 +132,24 @@ class SceneRenderer:
                 fog = np.maximum(fog, empty * np.float32(255 / SMOOTHING**2))
             share[rows], cover[rows] = surface + 0.5, fog + 0.5
         share, cover = (Image.merge("RGB", 3 * [Image.fromarray(one)]) for one in (share, cover))
+        sky = self._sky.crop((window.left, window.top, window.right, window.bottom))
         surfaces = ImageChops.multiply(Image.fromarray(colours).reduce(SMOOTHING), share)
-        return np.asarray(ImageChops.add(surfaces, ImageChops.multiply(self._sky, cover)))
+        return np.asarray(ImageChops.add(surfaces, ImageChops.multiply(sky, cover)))
 
-    def _read(self, view: View, height: int, width: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return colours (height, width, 3) of a view, and its depth buffer, which is 0 where nothing is seen."""
-        view.enter(self._scene)
+    def _read(self, height: int, width: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return colours (height, width, 3) and depths that the scene's camera sees; where it sees nothing, 0."""
         rectangle = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(rectangle, self._scene, self._context)
         picture, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
         mujoco.mjr_readPixels(picture, depth, rectangle, self._context)
         return picture[::-1], depth[::-1]
 
-    def _place_grains(self, positions: NDArray[np.floating]) -> None:
+    def _place_grains(self, crystals: Crystals, positions: NDArray[np.floating], view: View) -> None:
         """Overwrite the skin, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
-        count = len(positions)
-        if count > len(self._outward):
-            raise ValueError(f"positions of {count} grains; accepted: at most {len(self._outward)}, as many as the "
-                             f"scene's skin has")
-        visible, outward = find_surface(positions, CELL_IN_RADII * self._radius)
-        scene, order = self._scene, np.argsort(np.arange(len(visible)) % 2, kind="stable")
-        visible, outward = visible[order], outward[order]  # the first half of all faces is of every second grain
-        # faces that look away from the camera are behind others of their grain
-        sight = (View.of(scene).position - positions[visible]).astype(np.float32)
-        seen = np.flatnonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
-        grain, used = seen // len(FACES), 3 * len(seen)
-        shown = visible[grain] * len(FACES) + seen % len(FACES)
+        corners, normals = crystals.show(positions, view.position)
         # only the first vertices of the skin are filled, streamed and drawn
-        for target, faces, shifts in ((scene.skinvert, self._facets, positions[visible]),
-                                      (scene.skinnormal, self._normals, HEAP * outward)):
-            np.add(np.take(faces, shown, axis=0), np.take(np.tile(shifts, 3), grain, axis=0),
-                   out=target[: 3 * used].reshape(-1, 9))
-        scene.skinvertnum[0], scene.skinfacenum[0] = used, len(seen)
+        self._scene.skinvert[: corners.size], self._scene.skinnormal[: normals.size] = corners.ravel(), normals.ravel()
+        self._scene.skinvertnum[0], self._scene.skinfacenum[0] = len(corners), len(corners) // 3
 
     def close(self) -> None:
         """Free the OpenGL context; also called when the last reference is gone, and at the interpreter's exit."""

@@ -1,12 +1,11 @@
 """Soft shadows, computed from the depths that the light and the camera see.
 The shadow map of OpenGL has hard, stepped edges and doubles the time of a frame on a software rasteriser."""
 
-from typing import Any, NamedTuple
-
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+from robosim.rendering.views import View, Window
 
 Array = NDArray[np.float32]
 
@@ -21,51 +20,11 @@ BIAS, FADE = 0.007, 8.0
 """Depth [m] behind a surface that counts as on it, and steepness with which shadows end at the map's edge."""
 
 
-class View(NamedTuple):
-    """A perspective camera: position and axes (rows: right, up, forward); top: of the frustum, at its near plane."""
-
-    position: np.ndarray
-    axes: np.ndarray
-    near: float
-    far: float
-    top: float
-
-    @staticmethod
-    def of(scene: mujoco.MjvScene) -> "View":
-        """Return the camera of a scene: the middle between its two eyes."""
-        eye, other = scene.camera[:2]
-        axes = np.stack([np.cross(eye.forward, eye.up), eye.up, eye.forward])
-        return View(0.5 * (eye.pos + other.pos), axes, eye.frustum_near, eye.frustum_far, eye.frustum_top)
-
-    @staticmethod
-    def of_light(light: Any, centre: np.ndarray, radius: float) -> "View":
-        """Return the view from a light of a sphere [m]; a directional light is far away."""
-        is_near = light.type == mujoco.mjtLightType.mjLIGHT_SPOT
-        eye = np.array(light.pos, float) if is_near else centre - 8.0 * radius * np.array(light.dir, float)
-        distance = float(np.linalg.norm(centre - eye))
-        up, _, forward = np.linalg.qr(np.stack([centre - eye, *np.eye(3)[:2]], 1))[0].T[[1, 2, 0]]
-        forward = forward * np.sign(forward @ (centre - eye))
-        near = max(distance - 1.5 * radius, 0.05 * distance)
-        return View(eye, np.stack([np.cross(forward, up), up, forward]), near, distance + 1.5 * radius,
-                    near * radius / distance)
-
-    def enter(self, scene: mujoco.MjvScene) -> None:
-        """Make it the camera of a scene."""
-        for eye in scene.camera[:2]:
-            eye.pos[:], eye.forward[:], eye.up[:] = self.position, self.axes[2], self.axes[1]
-            eye.frustum_near, eye.frustum_far, eye.frustum_center = self.near, self.far, 0.0
-            eye.frustum_top, eye.frustum_bottom = self.top, -self.top
-
-    def distance(self, buffer: Array) -> Array:
-        """Return depths [m] along the axis from a depth buffer that is 1 at the near plane and 0 at the far one."""
-        return self.near * self.far / (self.near + buffer * np.float32(self.far - self.near))
-
-
 class Shadows:
-    """Shadows of one light in one picture.
-    shape: height and width of the picture. texels: the depth buffer (n, n) of the light."""
+    """Shadows of one light in a part of a picture.
+    shape: height and width of the whole picture. texels: the depth buffer (n, n) of the light."""
 
-    def __init__(self, shape: tuple[int, int], camera: View, light: View, texels: Array) -> None:
+    def __init__(self, shape: tuple[int, int], window: Window, camera: View, light: View, texels: Array) -> None:
         size, count = np.float32(light.top / light.near), len(texels)
         middle = np.float32(0.5 * (light.near + light.far))
         seen = np.exp(np.clip(SHARPNESS * (light.distance(texels) - middle), -EXPONENT, EXPONENT))
@@ -77,11 +36,12 @@ class Shadows:
         self._size = size
         self._turn = (light.axes @ camera.axes.T).astype(np.float32)
         self._start = (light.axes @ (camera.position - light.position)).astype(np.float32)
-        self._up, self._right = (np.float32(camera.top / camera.near / shape[0]) *
-                                 np.arange(1 - n, n, 2, dtype=np.float32) for n in shape)
+        pixel = np.float32(camera.top / camera.near / shape[0])
+        self._up, self._right = (pixel * np.arange(1 - n, n, 2, dtype=np.float32)[part]
+                                 for n, part in zip(shape, (window.rows, window.columns)))
 
     def lit(self, depth: Array, rows: slice) -> Array:
-        """Return the share of the light (n, width) that reaches what a camera sees in some rows.
+        """Return the share of the light (n, width) that reaches what a camera sees in some rows of the part.
         depth (n, width): [m] along the camera's axis."""
         x, y, z = (depth * (self._right * a + (c - self._up[rows] * b)[:, None]) + s
                    for (a, b, c), s in zip(self._turn, self._start))

@@ -105,7 +105,9 @@ def test_a_recorded_scene_looks_like_the_simulated_one(tmp_path: Path) -> None:
             recording._header, recording.grains = hidden, lambda k: GrainState(*4 * [np.zeros((0, 3))])
             with Pictures(recording, FilmStyle(camera, height=360, renderer="classic")) as pictures:
                 drawn = pictures.draw(FRAMES - 1).astype(int)
-                assert all((one == pictures.draw(k)).all() for k, one in pictures.draw_all(range(FRAMES)))
+                one_by_one = dict(pictures.draw_all(range(FRAMES)))
+                assert all((np.abs(pictures.draw(k).astype(int) - one).max(2) > 8).mean() < 1e-3
+                           for k, one in one_by_one.items())
         assert np.ptp(expected) > 100 and (np.abs(drawn - expected).max(2) > 8).mean() < 1e-3, camera
 
 

@@ -9,6 +9,7 @@ import pytest
 from robosim.episode.film import FilmStyle, choose_renderer
 from robosim.rendering import filament
 from robosim.rendering.filament import APT_COMMAND, FilamentRenderer, FilamentUnavailable, Grains, find_device
+from robosim.rendering.views import Window
 
 SCENE = """<mujoco><worldbody><geom type="plane" size="1 1 0.1" rgba="0.5 0.5 0.5 1"/>
 <body mocap="true" pos="0 0 0.3"><geom type="box" size="0.1 0.1 0.01" rgba="0.9 0.1 0.1 1"/></body>
@@ -83,4 +84,8 @@ def test_light_shadow_and_grains() -> None:
     scale = HEIGHT / (2 * (2.0 - 0.06) * np.tan(np.radians(22.5)))  # pixels a metre at the heap
     assert abs(columns.mean() - (WIDTH / 2 + 0.4 * scale)) < 5 and abs(rows.mean() - (HEIGHT / 2 + 0.3 * scale)) < 5
     assert np.abs(renderer.draw(data, None, "above").astype(int) - bare).max() < 10
+    part = Window(64, 160, 96, 288)  # the middle of the plate, its shadow and the heap
+    one = renderer.begin(data, heap, "above", part)().astype(int)
+    differs = np.abs(one - with_heap[part.rows, part.columns]).max(2)
+    assert one.shape == (*part.shape, 3) and differs.mean() < 2.0 and (differs > 16).mean() < 0.02
     renderer.close()
