@@ -8,12 +8,15 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Protocol
+
+from filelock import FileLock, Timeout
 
 PR_SET_PDEATHSIG = 1
 """Option of prctl: the signal to get when the parent ends. Source: linux/prctl.h."""
@@ -51,22 +54,39 @@ def run_here(commands: Sequence[Command], processes: int) -> Generator[Ended, No
     """Run commands, as many at a time as there are processes, and yield each as it ends.
     Processes that run when the caller leaves are killed."""
     waiting, running = list(enumerate(commands)), {}
+    with hold_cores(processes) as cores:
+        try:
+            while waiting or running:
+                for core in cores:
+                    if waiting and core not in running:
+                        index, command = waiting.pop(0)
+                        running[core] = (index, command[1], _start(command, core))
+                time.sleep(POLL)
+                for core, (index, log, process) in list(running.items()):
+                    if process.poll() is not None:
+                        del running[core]
+                        yield Ended(index, describe_end(process.returncode, log))
+        finally:
+            for _, _, process in running.values():
+                process.kill()
+                process.wait()
+
+
+@contextlib.contextmanager
+def hold_cores(count: int) -> Iterator[list[int]]:
+    """Choose cores of this process, at most `count`, and hold them: first those that none of this user's programs holds
+    here. Two reports at the same time would else be pinned to one core, and take twice as long without a word."""
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
-    try:
-        while waiting or running:
-            for core in cores[:processes]:
-                if waiting and core not in running:
-                    index, command = waiting.pop(0)
-                    running[core] = (index, command[1], _start(command, core))
-            time.sleep(POLL)
-            for core, (index, log, process) in list(running.items()):
-                if process.poll() is not None:
-                    del running[core]
-                    yield Ended(index, describe_end(process.returncode, log))
-    finally:
-        for _, _, process in running.values():
-            process.kill()
-            process.wait()
+    folder = Path(tempfile.gettempdir()) / f"robosim-cores-{getattr(os, 'getuid', int)()}"
+    with contextlib.ExitStack() as stack:
+        held = list[int]()
+        for core in cores:
+            if len(held) < count:
+                with contextlib.suppress(Timeout, OSError):  # held by another one; no folder for temporary files
+                    folder.mkdir(exist_ok=True)
+                    stack.enter_context(FileLock(folder / str(core), timeout=0))
+                    held.append(core)
+        yield (held + [core for core in cores if core not in held])[:count]
 
 
 def _start(command: Command, core: int) -> subprocess.Popen:

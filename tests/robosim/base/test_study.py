@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,7 @@ from study_stand_in import StandIn
 
 from robosim.base import digests
 from robosim.base.digests import code_digest, parse_module, source_files
-from robosim.base.jobs import worker_pool
+from robosim.base.jobs import hold_cores, worker_pool
 from robosim.base.study import Job, Store, Study
 
 MODULE = """
@@ -55,6 +56,19 @@ def test_a_job_that_fails_costs_its_own_row(tmp_path: Path, jobs: list[Job]) -> 
     again = StandIn(lambda x: {"x": x})
     rows = Study(tmp_path / "out", launcher=again).rows(jobs, "test")
     assert again.asked == [{"x": 1}, {"x": 2}] and [row.value["x"] for row in rows] == [0, 1, 2, 3]
+
+
+def test_two_studies_at_a_time_share_no_core_while_one_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where none is, they share; a core is free again as soon as a study ends."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5, 8}, raising=False)
+    with hold_cores(2) as first, hold_cores(2) as second, hold_cores(1) as third:
+        assert (first, second, third) == ([3, 5], [8, 3], [3])
+    with hold_cores(9) as alone:
+        assert alone == [3, 5, 8]
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "file" / "below"))
+    with hold_cores(1) as without_a_folder:
+        assert without_a_folder == [3]
 
 
 def test_a_row_belongs_to_arguments_code_and_what_else_it_depends_on(tmp_path: Path, jobs: list[Job]) -> None:

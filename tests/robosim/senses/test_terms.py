@@ -13,6 +13,7 @@ from robosim.base.errors import ConfigError, UnknownName
 from robosim.envs import BUNDLED
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SMOOTHING, SceneRenderer
+from robosim.rendering.views import View
 from robosim.robot.mjspec import compile_spec
 from robosim.scene.grains import grain_volume
 from robosim.senses.task_scene import SeenBodies, build_task_spec
@@ -154,7 +155,7 @@ def test_depth_is_that_of_the_renderer(task: str, arm: bool, camera: str):
     bodies.place(env.carrier.setting.place, env.solver.collider_pose(TOOL),
                  None if not arm else env.carrier.robot_data.qpos)
     read, seen_by = renderer._read, []
-    renderer._read = lambda view, height, width: seen_by.append((view, read(view, height, width))) or seen_by[-1][1]
+    renderer._read = lambda *size: seen_by.append((View.of(renderer._scene), read(*size))) or seen_by[-1][1]
     renderer.draw(bodies.data, env.solver.positions(), camera)
     view, (_, buffer) = seen_by[0]  # then come the light's
     drawn = view.distance(buffer.reshape(84, SMOOTHING, 84, SMOOTHING)).mean((1, 3))
