@@ -1,5 +1,5 @@
 """What part of a picture differs from the one before it: a film redraws that alone.
-While an arm moves before a camera that stands still, that is about a fifth of the picture."""
+In the film of the spoon a fifth of the picture differs, and the parts found here are a third of it."""
 
 from typing import NamedTuple
 

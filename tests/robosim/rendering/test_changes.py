@@ -73,6 +73,26 @@ def test_a_part_holds_all_that_has_changed(scene: tuple[mujoco.MjModel, mujoco.M
     assert 0.05 < np.mean(shares) < 0.5
 
 
+def test_the_heap_about_a_grain_that_leaves_is_drawn_anew(
+        scene: tuple[mujoco.MjModel, mujoco.MjData, SceneRenderer]) -> None:
+    """It is shaded by its density, so that a grain that is gone changes the light on others; seen from near, where that
+    is more pixels than the room that every part has."""
+    model, data, renderer = scene
+    camera, grains, rng = mujoco.MjvCamera(), heap(), np.random.default_rng(1)
+    camera.lookat[:], camera.distance, camera.elevation = [-0.26, -0.06, 0.03], 0.35, -40.0
+    changes, light = Changes(model, SHAPE, RADIUS), renderer.find_light(data)
+    changes.find(data, grains, camera, light)
+    last = renderer.draw(data, grains, camera).astype(int)
+    for _ in range(11):
+        grains[rng.integers(COUNT)] += [0.3, 0.3, 0.0]
+        part = changes.find(data, grains, camera, light)
+        whole = renderer.draw(data, grains, camera).astype(int)
+        differs = np.abs(whole - last).max(2) > 4
+        differs[part.rows, part.columns] = False
+        assert differs.sum() == 0
+        last = whole
+
+
 def test_what_rests_is_not_drawn_and_a_slow_move_is(scene: tuple[mujoco.MjModel, mujoco.MjData, SceneRenderer]) -> None:
     """A hundred steps of a hundredth of what counts as a move are one move."""
     model, data, renderer = scene
