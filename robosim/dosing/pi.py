@@ -8,6 +8,7 @@ from robosim.dosing.balance import FlowMeter, Stream
 from robosim.dosing.command import LEVEL, DoseCommand, DoseController, DoseSight
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
+from robosim.dosing.pulses import HISTORY, Pulse, PulseSight
 
 NOTICED = 2e-4
 """Mass on the balance [kg] by which something flows: a few grains of salt, and 20 steps of a balance of 0.01 g."""
@@ -33,12 +34,13 @@ class PiDosing(DoseController):
     curve with the mass that has left. It tilts on where the vibration is stronger than half (mid-ranging control), and
     back where material flows without any. The first stage stops where the mass in the cup, plus flow x delay, reaches
     its share. In the second it shakes for the time of a pulse, waits until the balance shows what came, and makes the
-    next pulse stronger or weaker, so that each brings a share of what is missing."""
+    next pulse stronger or weaker, so that each brings a share of what is missing. A policy may change each pulse as it
+    begins: `pulse` and `change`."""
 
     def __init__(self, numbers: DosingNumbers, control_dt: float) -> None:
         self._numbers, self._curve = numbers.pi, numbers.curve
         self._vibration, self._dt = numbers.vibration, control_dt
-        self._motion = ToolMotion(numbers.motion, control_dt)
+        self._motion, self._duration = ToolMotion(numbers.motion, control_dt), numbers.motion.duration
         self._meter = FlowMeter(numbers.pi.window, numbers.pi.lag)
         self.start(0.0, 0.0)
 
@@ -56,9 +58,22 @@ class PiDosing(DoseController):
         """Tilt [rad] at which it shakes in the second stage."""
         self._before = 0.0
         """Mass in the cup before the pulse [kg]."""
+        self.pulse: PulseSight | None = None
+        """The pulse that the last command begins; None where it begins none."""
+        self._past: tuple[Pulse, ...] = ()
+        self._time = 0.0
+        """For how long the pulse shakes at most [s]; 0 before the first."""
+        self._acted = 0.0
+        """Vibration with which it shakes, as a share of the largest."""
+
+    def change(self, stronger: float, longer: float) -> None:
+        """Change vibration and time of the pulse that the last command began, by factors, from the next command on.
+        Its vibration stays within the weakest and the strongest; the next pulse follows from what acted."""
+        self._share = float(np.clip(stronger * self._share, self._numbers.weakest, 1.0))
+        self._time *= longer
 
     def command(self, sight: DoseSight) -> DoseCommand:
-        stream = self._meter.add(sight.time, sight.shown)
+        stream, self.pulse = self._meter.add(sight.time, sight.shown), None
         is_enough = sight.target - sight.shown <= self._numbers.close * self._accepted
         if is_enough or self._motion.is_late(sight):
             self._phase = lambda sight, stream: self._motion.level(sight)
@@ -76,7 +91,8 @@ class PiDosing(DoseController):
         numbers = self._numbers
         enough = min(numbers.first * sight.target, sight.target - numbers.left)
         if enough <= 0.0:  # no more than pulses are to bring
-            self._phase, self._at, self._tilt = self._pulse, sight.time, max(LEAST_TILT, sight.tilt)
+            self._phase, self._tilt = self._pulse, max(LEAST_TILT, sight.tilt)
+            self._begin(sight, stream, self._before)
             return self._pulse(sight, stream)
         if self._coming(stream) >= enough:
             return self._stop(sight, stream, numbers.resume * self._share)
@@ -111,26 +127,39 @@ class PiDosing(DoseController):
             return self._motion.turn_to(sight, max(LEAST_TILT, self._tilt - np.radians(numbers.stop_deg)))
         if sight.tilt < self._tilt - np.radians(numbers.search_deg) * self._dt:
             return self._motion.turn_to(sight, self._tilt)
-        self._phase, self._at, self._before = self._pulse, sight.time, stream.mass
+        self._phase = self._pulse
+        self._begin(sight, stream, stream.mass)
         return self._pulse(sight, stream)
+
+    def _begin(self, sight: DoseSight, stream: Stream, before: float) -> None:
+        """Begin a pulse; before: mass in the cup [kg] that what it brings is counted from."""
+        if self._time > 0.0:
+            self._past = (Pulse(self._acted, self._time, max(before - self._before, 0.0)), *self._past)[:HISTORY]
+        self._at, self._before, self._time = sight.time, before, self._numbers.pulse
+        self.pulse = PulseSight(
+            sight.target, self._accepted, sight.target - before, max(stream.flow, 0.0),
+            sight.tilt - self._curve.begin, 1.0 - sight.time / self._duration,
+            max(self._share, self._numbers.weakest), self._past)
 
     def _pulse(self, sight: DoseSight, stream: Stream) -> DoseCommand:
         """Shake for the time of a pulse, wait for the balance, learn from what came."""
         numbers = self._numbers
         passed = sight.time - self._at
         wanted = max(numbers.next * (sight.target - self._before), LEAST_PULSE * self._accepted)
-        if passed >= numbers.pulse + numbers.pause:
+        self._acted = max(self._share, numbers.weakest)
+        if passed >= self._time + numbers.pause:
             came = max(stream.mass - self._before, 0.0)
             factor = float(np.clip(np.sqrt(wanted / max(came, 1e-9)), WEAKER, STRONGER))
             if came < wanted:
                 self._tilt += np.radians(numbers.search_deg) * passed * self._beyond_middle(self._share)
-            self._share = float(np.clip(factor * max(self._share, numbers.weakest), 0.0, 1.0))
+            self._share = float(np.clip(factor * self._acted, 0.0, 1.0))
             # `wanted` stays the last pulse's for this one command: the measured doses were made so
-            self._at, self._before, passed = sight.time, stream.mass, 0.0
+            self._begin(sight, stream, stream.mass)
+            passed = 0.0
         coming = self._coming(stream)
-        if coming >= sight.target and passed >= numbers.pulse:  # it flows on by itself
+        if coming >= sight.target and passed >= self._time:  # it flows on by itself
             return self._stop(sight, stream, WEAKER * self._share)
-        is_over = passed >= numbers.pulse or coming >= self._before + wanted
+        is_over = passed >= self._time or coming >= self._before + wanted
         share = 0.0 if is_over else max(self._share, numbers.weakest)
         return self._motion.turn_to(sight, self._tilt, share * self._vibration.amplitude, self._vibration.frequency,
                                     PULSE_RATE)

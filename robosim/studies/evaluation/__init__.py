@@ -10,6 +10,8 @@ from robosim.dosing import CONTROLLERS
 
 KNOWING = "knowing"
 """The script with its waypoints displaced as the target is: what a controller that knows the place reaches."""
+PULSED = "pi"
+"""The dosing controller whose pulses a learned policy changes."""
 POLICIES = ("zero", "random", "scripted", KNOWING, "recorded", *CONTROLLERS)
 """Policies by name, the controllers for dosing tasks alone; any other is the path of a .npz file."""
 NETWORKS = {"network": "networks", "student": "students"}

@@ -57,9 +57,11 @@ class ToolView:
     """
 
     def __init__(self, env: GrainEnv) -> None:
-        task, spaces = env.task, getattr(env.observation_space, "spaces", {})
+        task, spaces = env.task, getattr(env.observation_space, "spaces", None)
+        self._slices = env.observation_slices if spaces is None else None
+        """Where each term is in an observation that is one array; None where it is a dictionary."""
         self.dose, self.vibration = check_dosing(task, env.TASK or "task")
-        if missing := [term for term in TERMS if term not in spaces]:
+        if missing := [term for term in TERMS if term not in (spaces or self._slices or ())]:
             raise ConfigError(f"obs: {', '.join(missing)} missing; accepted for dosing controllers: obs={list(TERMS)}")
         self._action, self._duration = task.action, task.steps * task.step_dt
         level = task.start.pitch_deg if self.dose.level_pitch_deg is None else self.dose.level_pitch_deg
@@ -71,8 +73,10 @@ class ToolView:
         self._tare: float | None = None
         self._tilt = 0.0
 
-    def look(self, observation: dict[str, Any]) -> DoseSight:
-        """Return what a controller sees of an observation."""
+    def look(self, observation: Any) -> DoseSight:
+        """Return what a controller sees of an observation, a dictionary of terms or an array of them."""
+        if self._slices is not None:
+            observation = {name: observation[part] for name, part in self._slices.items()}
         position, quaternion = np.split(np.asarray(observation["tool"], float), [3])
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         shown, target = (float(observation[name][0]) for name in ("scale", "target"))
@@ -112,7 +116,7 @@ class DosingPolicy:
             raise ConfigError(f"policy {name!r}: vibration of {numbers.vibration.amplitude} m at "
                               f"{numbers.vibration.frequency} Hz; accepted in this task: up to {vibration.amplitude} m "
                               f"at {low:g} to {high:g} Hz")
-        self._controller = make_controller(name, numbers, env.action_repeat * env.task.step_dt)
+        self.controller = make_controller(name, numbers, env.action_repeat * env.task.step_dt)
         self.command: DoseCommand | None = None
         """The last command; None before the first."""
 
@@ -121,6 +125,6 @@ class DosingPolicy:
         sight = self._view.look(observation)
         if self.command is None:
             dose = self._view.dose
-            self._controller.start(sight.target, accepted_error(sight.target, dose.tolerance_percent, dose.tolerance_g))
-        self.command = self._controller.command(sight)
+            self.controller.start(sight.target, accepted_error(sight.target, dose.tolerance_percent, dose.tolerance_g))
+        self.command = self.controller.command(sight)
         return self._view.act(sight, self.command)

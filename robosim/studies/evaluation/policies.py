@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, ClassVar, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from robosim.envs.grain_env import GrainEnv
 from robosim.senses.perception import Layout, observation_options
 from robosim.senses.senses import valid_terms
 from robosim.senses.term import SenseScene
-from robosim.studies.evaluation import KNOWING, check_policy
+from robosim.studies.evaluation import KNOWING, PULSED, check_policy
 from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
+from robosim.studies.evaluation.network import Network
+from robosim.studies.evaluation.pulse_policy import PulsePolicy
 from robosim.tasks.actions import follow, move_pose, rest_action
 from robosim.tasks.task import TaskConfig
 
@@ -51,7 +53,9 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
         return ReplayPolicy(bundled, load_policy(bundled), env)
     check_policy(name)
     arrays = load_policy(Path(name))
-    return (NetworkPolicy if "weight_0" in arrays else ReplayPolicy)(Path(name), arrays, env)
+    if "weight_0" not in arrays:
+        return ReplayPolicy(Path(name), arrays, env)
+    return (PulsePolicy if arrays.text("expert", "") == PULSED else NetworkPolicy)(Path(name), arrays, env)
 
 
 def bundled_motion(task: str) -> Path:
@@ -171,40 +175,6 @@ class ReplayPolicy:
         return next(self._actions, self._zero)
 
 
-class Network:
-    """A learned network: layers W x + b, each followed by the function that `activations` names.
-    `bound` names how the last layer is kept within -1 and 1; units of observations are part of the first layer. Raises
-    ConfigError, mpm.InvalidValue for arrays that are no network."""
-
-    FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
-        "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
-
-    def __init__(self, path: Path, arrays: StoredArrays) -> None:
-        names = [str(name) for name in arrays.get("activations", np.zeros(0)).ravel()]
-        try:
-            self._layers = [(arrays[f"weight_{k}"], arrays[f"bias_{k}"], self.FUNCTIONS[name])
-                            for k, name in enumerate(names)]
-            self._bound = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(arrays["bound"])]
-        except KeyError as error:
-            raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
-        self._path, self._inputs, self._outputs = path, *_check_chain(path, [(W, b) for W, b, _ in self._layers])
-        self.obs, self._task = arrays.text("obs", ""), arrays.text("task", "?")
-
-    def check_sizes(self, observed: str, shape: tuple[int, ...] | None, task: TaskConfig) -> None:
-        """Raise ConfigError where it does not take observations of a shape, or gives no action of a task."""
-        if shape != (self._inputs,) or self._outputs != task.action.size:
-            raise ConfigError(f"{self._path}: takes {self._inputs} numbers and gives {self._outputs}; this environment "
-                              f"observes {observed}, {shape}, and takes {task.action.size}; the network was learned "
-                              f"for {self._task}")
-
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Return the action (outputs,) for an observation (inputs,)."""
-        x = observation
-        for W, b, function in self._layers:
-            x = function(W @ x + b)
-        return self._bound(x).astype(np.float32)
-
-
 class NetworkPolicy:
     """A learned network in the environment that it fits.
     With `residual` it corrects the `expert`, the script that knows, by at most that share of the action range. Raises
@@ -215,14 +185,14 @@ class NetworkPolicy:
         own = env.world.observer.names
         if network.obs not in ("", own):
             raise ConfigError(f"{path}: observes {network.obs}; this environment observes {own}")
-        network.check_sizes(own, env.observation_space.shape, env.task)
+        network.check_sizes(own, env.observation_space.shape, env.task.action.size)
         if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")
         self._expert: Policy | None = None
         if "expert" in arrays:
             if (expert := arrays.text("expert", "")) != KNOWING:
-                raise ConfigError(f"{path}: corrects {expert!r}; accepted: {KNOWING}")
+                raise ConfigError(f"{path}: corrects {expert!r}; accepted: {KNOWING}, {PULSED}")
             self._share, self._expert = arrays.numbers("residual").flat[0], ScriptedPolicy(env, knows=True)
 
     def __call__(self, observation: Any) -> np.ndarray:
@@ -231,17 +201,3 @@ class NetworkPolicy:
         if self._expert is not None:
             action = np.clip(self._expert(observation) + self._share * action, -1.0, 1.0).astype(np.float32)
         return action
-
-
-def _check_chain(path: Path, layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[int, int]:
-    """Return the numbers of inputs and outputs of layers; raise ConfigError where one does not fit the one before."""
-    width = layers[0][0].shape[-1] if layers and layers[0][0].ndim else 0
-    inputs = width
-    for k, (W, b) in enumerate(layers):
-        if W.ndim != 2 or W.shape[1] != width or b.shape != W.shape[:1] or {W.dtype.kind, b.dtype.kind} != {"f"}:
-            raise ConfigError(f"{path}: weight_{k} and bias_{k} have shapes {W.shape} and {b.shape}, types {W.dtype} "
-                              f"and {b.dtype}; accepted: floating-point numbers of shapes (n, {width}) and (n,)")
-        width = W.shape[0]
-    if not layers:
-        raise ConfigError(f"{path}: not a policy: no activations; accepted: one for each layer")
-    return inputs, width

@@ -19,7 +19,8 @@ from robosim.robot.timing import JointState
 from robosim.scene.grains import is_in_tool
 from robosim.senses.perception import Perception
 from robosim.senses.term import SenseScene, Sight
-from robosim.studies.evaluation.policies import MAX_REPEAT, Network, check_task, load_policy
+from robosim.studies.evaluation.network import Network
+from robosim.studies.evaluation.policies import MAX_REPEAT, check_task, load_policy
 from robosim.tasks.actions import ActionScaling, move_pose
 from robosim.tasks.task import TaskConfig
 
@@ -96,7 +97,7 @@ class PolicyDriver:
         run.plan = run.plan._replace(path=self)
         for stage in self._stages:
             self._look(stage, np.arange(1))
-            stage.network.check_sizes(stage.network.obs, self._senses.space.shape, stage.task)
+            stage.network.check_sizes(stage.network.obs, self._senses.space.shape, stage.task.action.size)
 
     def pose(self, time: float) -> mpm.Pose:
         """Return the pose in which the sub-task of a time [s] begins."""

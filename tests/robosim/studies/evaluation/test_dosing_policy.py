@@ -103,8 +103,8 @@ def test_a_controller_is_given_the_tolerances_of_the_task(tolerances: dict[str, 
     env = stub(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update=tolerances)}))
     env.observation = observe(Carrier(SPOON))
     policy, given = DosingPolicy("pi", env), []
-    start = policy._controller.start
-    monkeypatch.setattr(policy._controller, "start", lambda *mass: (given.append(mass), start(*mass)))
+    start = policy.controller.start
+    monkeypatch.setattr(policy.controller, "start", lambda *mass: (given.append(mass), start(*mass)))
     policy(env.observation)
     assert given == [pytest.approx((5e-3, accepted))]
 
