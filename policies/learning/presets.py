@@ -132,8 +132,9 @@ class Preset(Table):
     residual: float | None = Field(None, ge=1e-6, le=1.0)
     """Largest correction of the first demonstration, or of an expert, by the policy, as a fraction of the action range;
     null: the policy corrects nothing but gives the action."""
-    expert: Literal["knowing"] | None = None
-    """What `residual` corrects: the task's script that knows the target's place; null: the first demonstration."""
+    expert: Literal["knowing", "pi"] | None = None
+    """What `residual` corrects: the task's script that knows the target's place, or the pulses of a dosing controller;
+    null: the first demonstration."""
     correction_cost: float = Field(0.0, ge=0.0, le=1e6)
     """Penalty per mean square of the correction, in units of `residual`; it is not part of reported returns."""
     actor: Actor | None = None

@@ -5,6 +5,7 @@ import shutil
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from policies.dynamics.rollouts import Rollouts, read_rollouts
 from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
 from policies.learners.policy_file import export_policy
+from policies.learners.pulses import PulseWrapper
 from policies.learners.wrappers import ResidualActionWrapper, ScaledObservation
 from policies.learning.environments import field_digest, fingerprint, make_training_environment, task_digest
 from policies.learning.options import TrainingOptions
@@ -38,6 +40,7 @@ from robosim.base.progress import Progress
 from robosim.base.provenance import commit
 from robosim.episode.play import Transition, play, read_scores, run_episode
 from robosim.senses.perception import observation_options
+from robosim.studies.evaluation import PULSED
 from robosim.tasks.task import load_task
 
 CHECKPOINT_LATEST = 30
@@ -107,8 +110,9 @@ class Training:
             if preset.expert is not None and not self.is_granular:
                 raise mpm.InvalidValue(f"expert {preset.expert} with task {self.task}; accepted: with a sub-task")
             motion = None if preset.expert is not None else self.demonstrations[0].actions
-            self.agent_env = ResidualActionWrapper(self.env, motion, preset.residual, preset.correction_cost)
-            evaluated = ResidualActionWrapper(self.base, motion, preset.residual)
+            wrap: Any = PulseWrapper if preset.expert == PULSED else partial(ResidualActionWrapper, base=motion)
+            self.agent_env = wrap(self.env, share=preset.residual, cost=preset.correction_cost)
+            evaluated = wrap(self.base, share=preset.residual)
         self.progress = Progress(total=preset.episodes, desc=f"{method} {self.task} seed {self.seed}", unit="episodes")
         self.model: Any = None
         self.evaluations: Evaluations | None = None

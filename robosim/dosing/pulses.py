@@ -11,7 +11,7 @@ OBSERVED = 7 + 3 * HISTORY
 CHANGES = 2
 """What is changed of a pulse: its strength and its time."""
 LARGEST_MASS = 5.0
-"""Largest mass that is told from a larger one, in units of `PulseSight.observe`."""
+"""Largest mass that is seen as such, in units of `PulseSight.observe`; a larger one looks the same."""
 LARGEST_FACTOR = 2.0
 """Strength and time of a pulse are changed by up to this factor, or its inverse."""
 

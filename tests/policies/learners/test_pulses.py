@@ -1,0 +1,45 @@
+"""Pulses of a dose as decisions, on grains."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from policies.learners.pulses import PulseWrapper
+from policies.learning.environments import make_environment
+from robosim.dosing.command import accepted_error
+from robosim.episode.play import play
+from robosim.studies.evaluation.dosing_policy import TERMS
+from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.tuning.trial import episode_cost
+
+
+@pytest.mark.long
+def test_decisions_that_change_nothing_are_pi_control_and_what_they_save_is_the_cost(tmp_path: Any) -> None:
+    """Also from a policy's file, with an observation that is one array; and a change is not nothing."""
+    env = make_environment("DoseSpoon", obs=list(TERMS), flatten=True, action_repeat=10)
+    raw: Any = env.unwrapped
+    wrapper, masses = PulseWrapper(env, 0.5, cost=0.25), {}
+
+    def charge(info: dict[str, Any]) -> float:
+        accepted = accepted_error(info["readings"]["target_mass"])
+        return episode_cost({**info["readings"], "accepted_error": accepted, "diverged": ""}, 20.0)
+
+    for change in (0.0, 1.0):
+        _, info = wrapper.reset(seed=3)
+        before, total, decisions, is_over = charge(info), 0.0, 0, False
+        while not is_over:
+            seen, reward, terminated, truncated, info = wrapper.step(np.full(2, change, np.float32))
+            total, decisions, is_over = total + reward, decisions + 1, terminated or truncated
+            assert np.isfinite(seen).all()
+        assert 1 <= decisions < 60
+        assert total == pytest.approx(before - charge(info) - 0.25 * change * decisions)
+        masses[change] = info["readings"]["poured"], info["readings"]["seconds"]
+    assert masses[0.0] != masses[1.0]
+    seen, outputs = wrapper.observation_space.shape[0], 2
+    np.savez(tmp_path / "still.npz", weight_0=np.zeros((outputs, seen), np.float32), bias_0=np.zeros(outputs, np.float32),
+             activations=np.array(["none"]), bound=np.array("tanh"), residual=np.array(1.0), expert=np.array("pi"))
+    for name in ("pi", str(tmp_path / "still.npz")):
+        env.reset(seed=3)
+        _, info = play(env, make_policy(name, raw, 0), observation=raw.observation)
+        assert (info["readings"]["poured"], info["readings"]["seconds"]) == masses[0.0]
