@@ -29,6 +29,9 @@ SHOWS_ONLY = ("commands", "results", "reports")
 """Folders of packages that read arguments or show results: no figure of a run depends on them."""
 DATA = {"configs": ("*.yaml",), "models": ("*.xml", "*.stl", "*.ply", "*.yaml")}
 """Folders with data that results depend on, and the names of their files."""
+LEARNING = ("training", "published")
+"""Folders of configs that no simulation reads: methods of learning, and queues of training runs, whose own results hold
+what they were made with."""
 MEMO, MOST_REMEMBERED = "modules.json", 4000
 """File of the cache with the modules that were parsed, and how many of them it holds."""
 
@@ -57,7 +60,7 @@ def cache_folder(name: str) -> Path:
 def code_digest(*modules: str, with_data: bool = True) -> str:
     """Return twelve hexadecimal digits of the code that the results of modules depend on.
     They change with the syntax of the modules and of all of ours that these import, directly or not, and with the
-    versions of the libraries that compute. with_data: and with all bundled configurations and models."""
+    versions of the libraries that compute. with_data: and with bundled configurations and models."""
     total = hashlib.sha256(" ".join(version(name) for name in LIBRARIES).encode())
     total.update(data_digest() if with_data else b"")
     for path in source_files(*modules):
@@ -68,10 +71,11 @@ def code_digest(*modules: str, with_data: bool = True) -> str:
 
 @cache
 def data_digest() -> bytes:
-    """Return a digest of all bundled configurations and models."""
+    """Return a digest of all bundled configurations and models but those of LEARNING."""
     total = hashlib.sha256()
     for path in sorted(path for name, kinds in DATA.items() for kind in kinds for path in folder(name).rglob(kind)):
-        total.update(path.read_bytes())
+        if path.parent.name not in LEARNING:
+            total.update(path.read_bytes())
     return total.digest()
 
 

@@ -7,10 +7,12 @@ import pytest
 
 from policies.learners.pulses import PulseWrapper
 from policies.learning.environments import make_environment
+from policies.learning.options import TrainingOptions
+from policies.methods.train import train
 from robosim.dosing.command import accepted_error
 from robosim.episode.play import play
 from robosim.studies.evaluation.dosing_policy import TERMS
-from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.evaluation.policies import make_policy, training_options
 from robosim.studies.tuning.trial import episode_cost
 
 
@@ -36,10 +38,21 @@ def test_decisions_that_change_nothing_are_pi_control_and_what_they_save_is_the_
         assert total == pytest.approx(before - charge(info) - 0.25 * change * decisions)
         masses[change] = info["readings"]["poured"], info["readings"]["seconds"]
     assert masses[0.0] != masses[1.0]
-    seen, outputs = wrapper.observation_space.shape[0], 2
-    np.savez(tmp_path / "still.npz", weight_0=np.zeros((outputs, seen), np.float32), bias_0=np.zeros(outputs, np.float32),
-             activations=np.array(["none"]), bound=np.array("tanh"), residual=np.array(1.0), expert=np.array("pi"))
+    weights, biases = np.zeros((2, len(seen)), np.float32), np.zeros(2, np.float32)
+    np.savez(tmp_path / "still.npz", weight_0=weights, bias_0=biases, activations=np.array(["none"]),
+             bound=np.array("tanh"), residual=np.array(1.0), expert=np.array("pi"))
     for name in ("pi", str(tmp_path / "still.npz")):
         env.reset(seed=3)
         _, info = play(env, make_policy(name, raw, 0), observation=raw.observation)
         assert (info["readings"]["poured"], info["readings"]["seconds"]) == masses[0.0]
+
+
+@pytest.mark.slow
+def test_a_run_ends_with_a_policy_that_doses(tmp_path: Any) -> None:
+    out = tmp_path / "run"
+    assert train("pulses", "DoseSpoon", out, TrainingOptions(starts="random", action_repeat=10), episodes=2) == 0
+    name = str(out / "best_policy.npz")
+    env: Any = make_environment("DoseSpoon", **training_options(name)).unwrapped
+    env.reset(seed=3)
+    _, info = play(env, make_policy(name, env, 0), observation=env.observation)
+    assert abs(info["readings"]["dose_error"]) < 0.2 * info["readings"]["target_mass"]
