@@ -31,8 +31,8 @@ from measuring.running import command, made_by  # noqa: E402
 from measuring.verification import report  # noqa: E402
 
 from robosim.base.digests import code_digest  # noqa: E402
+from robosim.studies.verification.stability import AXES, COMPARISONS, SLEEPING_AXES  # noqa: E402
 
-AXES = ["courant", "friction_angle_deg", "mass_ratio", "lagged_mass_ratio", "rest"]
 SIZES = ["300", "2880", "50000"]
 
 
@@ -122,7 +122,7 @@ def foreign_arms(out: Path) -> dict[str, Any]:
             "refused_head": ["arm", "package", "refused"], "refused": refused}
 
 
-WHOLE = {"stability": AXES,
+WHOLE = {"stability": [*AXES, *COMPARISONS, *SLEEPING_AXES],
          "bench": ["coupling", "kinematics", "SpoonPour", "ShovelMove", "arm_SpoonPour"]}
 """Command whose file is stored as it is -> its words."""
 

@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import torch
 from stable_baselines3.common.policies import BaseModel
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, FlattenExtractor
 from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
 from torch.nn import functional
@@ -39,6 +39,19 @@ def embedding(size: int, width: int) -> nn.Sequential:
 def cut_out(observations: torch.Tensor, part: slice) -> torch.Tensor:
     """Return observations (batch, n) without a part."""
     return torch.cat((observations[:, : part.start], observations[:, part.stop :]), 1)
+
+
+class WithoutHidden(FlattenExtractor):
+    """What an actor sees where critics see more (Pinto et al. 2018): observations without their last `hidden` numbers.
+    """
+
+    def __init__(self, space: gymnasium.Space, hidden: int) -> None:
+        super().__init__(space)
+        self._features_dim -= hidden
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        """Map (batch, observation) to (batch, observation - hidden)."""
+        return super().forward(observations)[:, : self._features_dim]
 
 
 class PartsEncoder(BaseFeaturesExtractor):
@@ -177,11 +190,20 @@ class CriticEnsemble(BaseModel):
 
 
 class EnsemblePolicy(SACPolicy):
-    """SAC's policy with its critics as an ensemble; options as of `CriticEnsemble`."""
+    """SAC's policy with its critics as an ensemble; options as of `CriticEnsemble`.
+    hidden: numbers at the end of an observation that its actor does not see."""
 
-    def __init__(self, *arguments: Any, layer_norm: bool = False, embed_actions: bool = False, **options: Any) -> None:
+    def __init__(self, *arguments: Any, layer_norm: bool = False, embed_actions: bool = False, hidden: int = 0,
+                 **options: Any) -> None:
         self._critic_options: dict[str, Any] = {"layer_norm": layer_norm, "embed_actions": embed_actions}
+        self._hidden = hidden
         super().__init__(*arguments, **options)
+
+    def make_actor(self, features_extractor: Any = None) -> Any:
+        """Make the actor."""
+        if self._hidden and features_extractor is None:
+            features_extractor = WithoutHidden(self.observation_space, self._hidden)
+        return super().make_actor(features_extractor)
 
     def make_critic(self, features_extractor: Any = None) -> Any:
         """Make the critics."""

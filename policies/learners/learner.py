@@ -13,9 +13,11 @@ from stable_baselines3.common.utils import LinearSchedule
 import mpm
 from policies.learners.buffers import DemoReplayBuffer
 from policies.learners.critics import DelayedActorMixin, EnsemblePolicy, PartsEncoder, PointNet
+from policies.learners.pulses import HIDDEN
 from policies.learners.soft_actor_critic import EnsembleSAC
 from policies.learners.wrappers import zero_residual
 from policies.learning.presets import Preset
+from robosim.studies.evaluation import PULSED
 
 NOISE = 0.1
 """Standard deviation of the noise by which deterministic policies explore (Fujimoto et al. 2018)."""
@@ -44,6 +46,8 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
                           "optimizer_kwargs": {"fused": True}, **policy_options}
         if is_dict:
             policy_options["features_extractor_class"] = CombinedExtractor
+        if preset.expert == PULSED:
+            policy_options["hidden"] = HIDDEN
         if preset.critics is not None:
             policy_options["n_critics"] = preset.critics.count
     if preset.encoder is not None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
 from mpm.files import write
@@ -16,7 +17,7 @@ def deterministic_layers(policy: Any) -> tuple[list[nn.Module], str] | None:
     """Return the layers from a flat observation to the deterministic action, and how the action is bounded.
     The bound is "tanh" or "clip". None for a policy that is not a chain of layers."""
     extractor = getattr(policy, "features_extractor", None) or getattr(policy.actor, "features_extractor", None)
-    if type(extractor).__name__ != "FlattenExtractor":
+    if not isinstance(extractor, FlattenExtractor):
         return None
     if hasattr(policy, "mlp_extractor"):
         return [*policy.mlp_extractor.policy_net, policy.action_net], "clip"

@@ -204,6 +204,8 @@ class Preset(Table):
                                ("encoder parts", self.encoder == "parts")):
             if is_given and self.learner != "SAC":
                 raise ValueError(f"{name} with learner {self.learner}; accepted: SAC")
+        if self.expert == "pi" and self.learner != "SAC":
+            raise ValueError(f"expert pi with learner {self.learner}; accepted: SAC, whose critics see more")
         if self.decay != 1.0 and (self.learner not in (*OFF_POLICY, "PPO") or "learning_rate" not in self.options):
             raise ValueError(f"decay {self.decay} with learner {self.learner}; accepted: one of "
                              f"{', '.join((*OFF_POLICY, 'PPO'))} with options.learning_rate")

@@ -14,7 +14,6 @@ from robosim.base.digests import code_digest
 from robosim.studies.verification.cases import CASES, NAMES, SUBJECTS, find, module_name
 from robosim.studies.verification.cases.case import Record, describe
 from robosim.studies.verification.runs import VERDICTS
-from robosim.studies.verification.stability.field import AXES
 
 MARKS = {"pass": "pass", "weak": "**weak**", "fail": "**fail**", "not run": "not run"}
 
@@ -158,9 +157,16 @@ def figure(name: str) -> str:
 
 
 def stability_page() -> str:
-    """Axes of the stability matrix, and the verdicts of the stored cells."""
+    """The stored stability matrix: values of each axis by verdict, and why values are not stable."""
     matrix = stored("stability")
-    rows = [[one["axis"], str(one["value"]), one["verdict"], one["reason"]] for one in matrix["cells"]]
-    return "\n".join([f"Axes: {', '.join(code(axis) for axis in AXES)}.\n", origin(matrix["made_by"]),
+    verdicts = ("stable", "refused", "unstable")
+    values: dict[str, dict[str, list[str]]] = {}
+    for one in matrix["cells"]:
+        values.setdefault(one["axis"], {verdict: [] for verdict in verdicts})[one["verdict"]].append(str(one["value"]))
+    counts = [f"{sum(len(axis[verdict]) for axis in values.values())} {verdict}" for verdict in verdicts]
+    rows = [[code(axis), *(", ".join(of[verdict]) for verdict in verdicts)] for axis, of in values.items()]
+    reasons = [[code(one["axis"]), str(one["value"]), one["reason"]] for one in matrix["cells"] if one["reason"]]
+    return "\n".join([f"{len(matrix['cells'])} cells: {', '.join(counts)}. {origin(matrix['made_by'])}",
                       outdated("stability", "robosim.studies.verification.stability.field"),
-                      table(["axis", "value", "verdict", "reason"], rows)])
+                      table(["axis", *verdicts], rows), "Why a value is not stable:\n",
+                      table(["axis", "value", "reason"], reasons)])

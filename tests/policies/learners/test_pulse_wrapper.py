@@ -2,18 +2,48 @@
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+import torch
 
-from policies.learners.pulses import PulseWrapper
+from policies.learners.learner import build_learner
+from policies.learners.policy_file import export_policy
+from policies.learners.pulses import HIDDEN, PulseWrapper
 from policies.learning.environments import make_environment
 from policies.learning.options import TrainingOptions
+from policies.learning.presets import load_preset
 from policies.methods.train import train
 from robosim.dosing.command import accepted_error
+from robosim.dosing.pulses import CHANGES, OBSERVED
 from robosim.episode.play import play
 from robosim.studies.evaluation.dosing_policy import TERMS
-from robosim.studies.evaluation.policies import make_policy, training_options
+from robosim.studies.evaluation.network import Network
+from robosim.studies.evaluation.policies import load_policy, make_policy, training_options
 from robosim.studies.tuning.trial import episode_cost
+
+
+class Pulses(gymnasium.Env):
+    """An environment with spaces as of `PulseWrapper`, for models that are built only."""
+
+    observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (OBSERVED + HIDDEN,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (CHANGES,), np.float32)
+
+
+def test_what_no_sensor_shows_is_for_the_critics_only(tmp_path: Any) -> None:
+    """The actor's action does not change with it, the critics' values do; the policy's file takes what is seen."""
+    model = build_learner(load_preset("pulses"), Pulses(), seed=0)
+    torch.nn.init.normal_(model.actor.mu.weight)  # it begins as no correction
+    seen = torch.randn(1, OBSERVED + HIDDEN)
+    other = seen + torch.cat([torch.zeros(1, OBSERVED), torch.ones(1, HIDDEN)], 1)
+    actions = [model.actor(one, deterministic=True) for one in (seen, other)]
+    values = [model.critic(one, actions[0]) for one in (seen, other)]
+    assert torch.equal(*actions)
+    assert not torch.isclose(*values).any()
+    assert export_policy(model.policy, tmp_path / "policy.npz")
+    network = Network(tmp_path / "policy.npz", load_policy(tmp_path / "policy.npz"))
+    network.check_sizes("pulses", (OBSERVED,), CHANGES)
+    np.testing.assert_allclose(network(seen[0, :OBSERVED].numpy()), actions[0][0].detach(), atol=1e-6)
 
 
 @pytest.mark.long
@@ -38,7 +68,7 @@ def test_decisions_that_change_nothing_are_pi_control_and_what_they_save_is_the_
         assert total == pytest.approx(before - charge(info) - 0.25 * change * decisions)
         masses[change] = info["readings"]["poured"], info["readings"]["seconds"]
     assert masses[0.0] != masses[1.0]
-    weights, biases = np.zeros((2, len(seen)), np.float32), np.zeros(2, np.float32)
+    weights, biases = np.zeros((CHANGES, OBSERVED), np.float32), np.zeros(CHANGES, np.float32)
     np.savez(tmp_path / "still.npz", weight_0=weights, bias_0=biases, activations=np.array(["none"]),
              bound=np.array("tanh"), residual=np.array(1.0), expert=np.array("pi"))
     for name in ("pi", str(tmp_path / "still.npz")):
