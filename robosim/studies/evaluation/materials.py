@@ -21,7 +21,7 @@ from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import Transition, play
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import POLICIES, check_policy
-from robosim.studies.evaluation.dosing_policy import numbers_of
+from robosim.studies.evaluation.dosing.view import numbers_of
 from robosim.studies.evaluation.page import make_materials_page
 from robosim.studies.evaluation.policies import bundled_motion, load_policy, make_policy, training_options
 from robosim.tasks.task import load_task

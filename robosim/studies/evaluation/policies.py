@@ -19,10 +19,10 @@ from robosim.senses.perception import Layout, observation_options
 from robosim.senses.senses import valid_terms
 from robosim.senses.term import SenseScene
 from robosim.studies.evaluation import KNOWING, PULSED, check_policy
-from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
+from robosim.studies.evaluation.dosing.policy import DosingPolicy, PulsePolicy
 from robosim.studies.evaluation.network import Network
-from robosim.studies.evaluation.pulse_policy import PulsePolicy
-from robosim.tasks.actions import follow, move_pose, rest_action
+from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.tasks.actions import rest_action
 from robosim.tasks.task import TaskConfig
 
 Policy = Callable[[Any], np.ndarray]
@@ -68,10 +68,8 @@ def bundled_motion(task: str) -> Path:
 
 
 def training_options(name: str) -> dict[str, Any]:
-    """Return the environment's options that a policy file was learned with, or that a dosing controller reads.
-    There are none for any other policy. Raises ConfigError for a file that cannot be read."""
-    if name in CONTROLLERS:
-        return {"obs": list(TERMS)}
+    """Return the environment's options that a policy file was learned with; none for a policy by name.
+    Raises ConfigError for a file that cannot be read."""
     if not Path(name).is_file():
         return {}
     arrays, options = load_policy(Path(name)), {}
@@ -122,29 +120,6 @@ def check_task(name: str, task: TaskConfig, changed: Collection[str] = (), arm: 
         more = f" and {len(texts) - 3} more" if len(texts) > 3 else ""
         raise ConfigError(f"policy {name}: learned on {arrays.text('task', 'another task')} with "
                           f"{'; '.join(texts[:3])}{more}; accepted: the task that it was learned on")
-
-
-class ScriptedPolicy:
-    """Follows the waypoints of the task's script from where the tool is; what is commanded and not yet done counts.
-    knows: whether they are displaced with the target, which no sensor has to find: a reference, and an expert. closing:
-    as of `robosim.tasks.actions.follow`; with one the path begins at the task's own start, which the tool approaches,
-    where the script alone is at its first waypoint in time, however fast."""
-
-    def __init__(self, env: GrainEnv, knows: bool = False, closing: float = 0.0) -> None:
-        place = env.carrier.setting.place if knows else None
-        start = None if closing else env.carrier.commanded.position
-        self._env, self._path, self._closing = env, env.task.scripted_path(start, place), closing
-
-    def __call__(self, observation: Any) -> np.ndarray:
-        """Return the next action; the observation is not needed."""
-        env, task = self._env, self._env.task
-        now, begin = env.carrier.commanded, env.step_count
-        for linear, angular, *_, steps in env.member.delay.waiting:
-            begin += steps
-            for _ in range(steps):
-                now = move_pose(now, task, linear, angular)
-        duration = max(min(env.action_repeat, task.steps - begin), 1) * task.step_dt
-        return follow(task, self._path, now, begin * task.step_dt, duration, self._closing).astype(np.float32)
 
 
 class ReplayPolicy:

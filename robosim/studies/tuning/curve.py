@@ -18,7 +18,7 @@ from robosim.dosing.pour_curve import FIRST_SHARE, PourCurve
 from robosim.envs import task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import continue_episode
-from robosim.studies.evaluation.dosing_policy import TERMS, ToolView, check_dosing, numbers_of
+from robosim.studies.evaluation.dosing.view import ToolView, check_dosing, numbers_of, terms_of
 from robosim.studies.evaluation.suites import Start, make_environment
 from robosim.tasks.task import TaskConfig, load_task
 
@@ -43,7 +43,7 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
     with OutputFolder(out) as folder:
         steps = round((most_deg / rate_deg + APPROACH) / config.step_dt)
         longer = validate(config.model_dump() | {"steps": steps}, Path("curve"), TaskConfig)
-        env, loads = make_environment(longer, start, obs=list(TERMS)), []
+        env, loads = make_environment(longer, start, obs=list(terms_of(config))), []
         for k in Progress(range(episodes), desc=f"{task_name(task)}, pour curve", unit="episodes"):
             points, load, reason = pour_slowly(env, seed + k, given.motion, rate_deg, most_deg)
             if reason:
@@ -77,6 +77,9 @@ def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:
     """Return a task's numbers, or those that controllers begin with where it names none.
     Raises ConfigError for a task that does not dose, or not into a receiver."""
     dose, vibration = check_dosing(config, task)
+    if config.receiver is None:
+        raise ConfigError(f"{task}: no empty container, into which a pour curve is poured; accepted: dosing tasks that "
+                          f"pour into a receiver, as DoseSpoon does")
     if dose.controllers is not None:
         return numbers_of(config, "pour curve")
     nothing = PourCurve(material=config.material, load=1e-3, rate_deg=1.0, tilts_deg=(0.0, 90.0), masses=(0.0, 1e-3),

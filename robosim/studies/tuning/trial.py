@@ -12,7 +12,8 @@ from robosim.dosing.command import accepted_error
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import play
-from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
+from robosim.studies.evaluation.dosing.policy import DosingPolicy
+from robosim.studies.evaluation.dosing.view import terms_of
 from robosim.studies.evaluation.suites import Start, make_environment
 from robosim.tasks.task import load_task
 
@@ -66,7 +67,8 @@ def run_trial(search: dict[str, Any], numbers: dict[str, Any], seed: int, count:
     missing = [one for one, row in rows.items() if row is None]
     if missing:
         start = Start(missing[0], search["material"], randomize=search["randomize"])
-        env = make_environment(load_task(search["task"]), start, obs=list(TERMS))
+        task = load_task(search["task"])
+        env = make_environment(task, start, obs=list(terms_of(task)))
         for one in missing:
             row = play_dose(env, search["controller"], DosingNumbers.model_validate(numbers), one)
             store.keep(keys[one], row)

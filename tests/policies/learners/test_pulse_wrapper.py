@@ -17,10 +17,11 @@ from policies.methods.train import train
 from robosim.dosing.command import accepted_error
 from robosim.dosing.pulses import CHANGES, OBSERVED
 from robosim.episode.play import play
-from robosim.studies.evaluation.dosing_policy import TERMS
+from robosim.studies.evaluation.dosing.view import terms_of
 from robosim.studies.evaluation.network import Network
 from robosim.studies.evaluation.policies import load_policy, make_policy, training_options
 from robosim.studies.tuning.trial import episode_cost
+from robosim.tasks.task import load_task
 
 
 class Pulses(gymnasium.Env):
@@ -49,7 +50,7 @@ def test_what_no_sensor_shows_is_for_the_critics_only(tmp_path: Any) -> None:
 @pytest.mark.long
 def test_decisions_that_change_nothing_are_pi_control_and_what_they_save_is_the_cost(tmp_path: Any) -> None:
     """Also from a policy's file, with an observation that is one array; and a change is not nothing."""
-    env = make_environment("DoseSpoon", obs=list(TERMS), flatten=True, action_repeat=10)
+    env = make_environment("DoseSpoon", obs=list(terms_of(load_task("DoseSpoon"))), flatten=True, action_repeat=10)
     raw: Any = env.unwrapped
     wrapper, masses = PulseWrapper(env, 0.5, cost=0.25), {}
 

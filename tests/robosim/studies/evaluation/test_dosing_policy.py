@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -12,7 +13,8 @@ from robosim.dosing import CONTROLLERS
 from robosim.dosing.command import DoseCommand
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs.carrier import Carrier
-from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy, ToolView, numbers_of
+from robosim.studies.evaluation.dosing.policy import DosingPolicy
+from robosim.studies.evaluation.dosing.view import ToolView, numbers_of, terms_of
 from robosim.studies.evaluation.policies import make_policy
 from robosim.studies.tuning.curve import given_numbers
 from robosim.tasks.actions import ActionScaling
@@ -23,7 +25,7 @@ NUMBERS = numbers_of(SPOON, "pi")
 LEVEL = np.zeros(3)
 
 
-def stub(task: Any = SPOON, terms: tuple[str, ...] = TERMS) -> Any:
+def stub(task: Any = SPOON, terms: tuple[str, ...] = terms_of(SPOON)) -> Any:
     """Return what a policy takes of an environment, without a field."""
     return SimpleNamespace(task=task, TASK="DoseSpoon", action_repeat=10,
                            observation_space=SimpleNamespace(spaces=dict.fromkeys(terms)))
@@ -129,16 +131,38 @@ def test_what_a_policy_refuses() -> None:
             DosingPolicy("pi", stub(), strong)
 
 
-def test_a_task_without_a_receiver_is_refused_with_what_is_accepted() -> None:
-    """ScoopTo's mass is in the tool: no balance shows it; neither a controller nor a pour curve reads another one."""
-    task = load_task("ScoopTo")
-    named = task.model_copy(update={"dose": task.dose.model_copy(update={"controllers": "DoseSpoon"})})
-    for one in (task, named):
-        with pytest.raises(ConfigError, match="no empty container, .*; accepted: dosing tasks that pour into a rec"):
-            DosingPolicy("pi", stub(one))
-        with pytest.raises(ConfigError, match="ScoopTo: no empty container, .*; accepted: dosing tasks that pour"):
-            given_numbers(one, "ScoopTo")
+def test_a_pour_curve_needs_a_receiver() -> None:
+    with pytest.raises(ConfigError, match="ScoopTo: no empty container, .*; accepted: dosing tasks that pour"):
+        given_numbers(load_task("ScoopTo"), "ScoopTo")
     assert given_numbers(SPOON, "DoseSpoon") == NUMBERS
+
+
+def test_a_tool_that_begins_empty_is_filled_by_the_script_and_not_with_an_arm() -> None:
+    task = load_task("ScoopTo")
+    for change, robot, message in (({"script": None}, None, "no section script; accepted: one with it"),
+                                   ({}, object(), "arm=True with a tool that begins empty; accepted: without an arm")):
+        one = stub(task.model_copy(update=change), terms_of(task))
+        one.carrier = SimpleNamespace(robot_data=robot)
+        with pytest.raises(ConfigError, match=message):
+            DosingPolicy("pi", one)
+
+
+@pytest.mark.long
+def test_a_scoop_is_weighed_and_pours_back_what_is_too_much() -> None:
+    """The wrist shows its load to 0.2 %; what it holds at the end is the target, within what is accepted."""
+    env: Any = gymnasium.make("robosim/ScoopTo-v0").unwrapped
+    observation, info = env.reset(seed=0)
+    policy = DosingPolicy("pi", env)
+    loads, is_over = [], False
+    while not is_over:
+        observation, _, terminated, truncated, info = env.step(policy(observation))
+        if policy.command is None:
+            loads.append(info["readings"]["held"])
+        is_over = terminated or truncated
+    assert policy._scooping.load == pytest.approx(loads[-1], rel=2e-3)
+    assert loads[-1] > 1.5 * info["readings"]["target_mass"]
+    assert info["is_success"]
+    assert info["readings"]["seconds"] < 20.0
 
 
 def test_numbers_of_another_tool_or_a_longer_dose_are_refused() -> None:

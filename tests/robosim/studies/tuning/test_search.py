@@ -146,7 +146,7 @@ def run(path: Path) -> list[dict[str, Any]]:
 
 
 def use(monkeypatch: pytest.MonkeyPatch, env: Environment) -> Environment:
-    monkeypatch.setattr(trial, "load_task", lambda name: None)
+    monkeypatch.setattr(trial, "load_task", lambda name: SimpleNamespace(receiver="receiver"))
     monkeypatch.setattr(trial, "make_environment", lambda task, start, obs: env)
     monkeypatch.setattr(trial, "DosingPolicy", lambda name, env, numbers: lambda observation: 0.0)
     return env

@@ -1,4 +1,4 @@
-"""Dosing controllers as policies: observations become sights, commands become actions."""
+"""What dosing controllers see of observations, and what becomes of their commands; the numbers of a task."""
 
 import math
 from typing import Any
@@ -8,16 +8,20 @@ from scipy.spatial.transform import Rotation
 
 from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names
-from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
-from robosim.dosing.controllers import make_controller
+from robosim.dosing.command import DoseCommand, DoseSight
 from robosim.dosing.numbers import DosingNumbers, check_tool, load_dosing
 from robosim.envs.grain_env import GrainEnv
 from robosim.shapes import tool_shape
 from robosim.tasks.sections import DosingConfig, VibrationConfig
 from robosim.tasks.task import TaskConfig
 
-TERMS = ("tool", "goal", "time", "scale", "target")
-"""Terms of the observation that controllers read."""
+GRAVITY = 9.81
+"""Acceleration by which a force becomes a mass [m/s^2]."""
+
+
+def terms_of(task: TaskConfig) -> tuple[str, ...]:
+    """Return the terms of the observation that controllers read: with the balance of a receiver, or with the wrist."""
+    return ("tool", "goal", "time", "wrist" if task.receiver is None else "scale", "target")
 
 
 def numbers_of(task: TaskConfig, name: str) -> DosingNumbers:
@@ -41,28 +45,28 @@ def check_numbers(numbers: DosingNumbers, task: TaskConfig, name: str) -> Dosing
 
 
 def check_dosing(task: TaskConfig, name: str) -> tuple[DosingConfig, VibrationConfig]:
-    """Return a task's dose and vibration; raise ConfigError without them or a receiver. name: the task's, in words."""
+    """Return a task's dose and vibration; raise ConfigError without them. name: the task's, in words."""
     if task.dose is None or task.action.vibration is None:
         raise ConfigError(f"{name}: no section dose, or no action.vibration; accepted: dosing tasks")
-    if task.receiver is None:
-        raise ConfigError(f"{name}: no empty container, whose balance dosing controllers read; accepted: dosing tasks "
-                          f"that pour into a receiver, as DoseSpoon does")
     return task.dose, task.action.vibration
 
 
 class ToolView:
     """What of an environment's observations and actions is a dosing tool's: its lip, its tilt, its vibration.
-    The balance is tared at the first look. The tilt is continuous from look to look, also beyond 180 deg. Raises
-    ConfigError for an environment that does not observe TERMS, or whose task has no dose, no vibration or no receiver.
-    """
+    The balance of a receiver is tared at the first look. Without a receiver what has left the tool is shown, by the
+    wrist's force; `tare` says from which load on. The tilt is continuous from look to look, also beyond 180 deg. Raises
+    ConfigError for an environment that does not observe the terms of `terms_of`, or whose task has no dose or no
+    vibration."""
 
     def __init__(self, env: GrainEnv) -> None:
         task, spaces = env.task, getattr(env.observation_space, "spaces", None)
         self._slices = env.observation_slices if spaces is None else None
         """Where each term is in an observation that is one array; None where it is a dictionary."""
         self.dose, self.vibration = check_dosing(task, env.TASK or "task")
-        if missing := [term for term in TERMS if term not in (spaces or self._slices or ())]:
-            raise ConfigError(f"obs: {', '.join(missing)} missing; accepted for dosing controllers: obs={list(TERMS)}")
+        terms = terms_of(task)
+        if missing := [term for term in terms if term not in (spaces or self._slices or ())]:
+            raise ConfigError(f"obs: {', '.join(missing)} missing; accepted for dosing controllers: obs={list(terms)}")
+        self._weighs_tool = task.receiver is None
         self._action, self._duration = task.action, task.steps * task.step_dt
         level = task.start.pitch_deg if self.dose.level_pitch_deg is None else self.dose.level_pitch_deg
         lip = tool_shape(task.tool).lip
@@ -73,13 +77,27 @@ class ToolView:
         self._tare: float | None = None
         self._tilt = 0.0
 
+    def terms(self, observation: Any) -> Any:
+        """Return the terms of an observation by name, of a dictionary or of one array."""
+        if self._slices is not None:
+            return {name: observation[part] for name, part in self._slices.items()}
+        return observation
+
+    def time(self, observation: Any) -> float:
+        """Return the time since the start [s]."""
+        return float(self.terms(observation)["time"][0]) * self._duration
+
+    def tare(self, shown: float) -> None:
+        """Let a mass [kg] that is shown count as none."""
+        self._tare = shown
+
     def look(self, observation: Any) -> DoseSight:
         """Return what a controller sees of an observation, a dictionary of terms or an array of them."""
-        if self._slices is not None:
-            observation = {name: observation[part] for name, part in self._slices.items()}
+        observation = self.terms(observation)
         position, quaternion = np.split(np.asarray(observation["tool"], float), [3])
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        shown, target = (float(observation[name][0]) for name in ("scale", "target"))
+        shown = -held_mass(R, observation["wrist"]) if self._weighs_tool else float(observation["scale"][0])
+        target = float(observation["target"][0])
         if self._tare is None:
             self._tare = shown
         self._pitch_axis, self._origin = R[:, 1], position
@@ -102,29 +120,7 @@ class ToolView:
         return np.clip(np.concatenate([motion, shaking]), -1.0, 1.0).astype(np.float32)
 
 
-class DosingPolicy:
-    """A controller at work in an environment that observes TERMS.
-    numbers: in place of those that the task names. Raises ConfigError for an environment that `ToolView` refuses, for
-    numbers whose vibration is beyond the task's, and as `check_numbers`."""
-
-    def __init__(self, name: str, env: GrainEnv, numbers: DosingNumbers | None = None) -> None:
-        self._view = ToolView(env)
-        where, vibration = f"policy {name!r}", self._view.vibration
-        numbers = numbers_of(env.task, where) if numbers is None else check_numbers(numbers, env.task, where)
-        low, high = vibration.frequency
-        if not low <= numbers.vibration.frequency <= high or numbers.vibration.amplitude > vibration.amplitude:
-            raise ConfigError(f"policy {name!r}: vibration of {numbers.vibration.amplitude} m at "
-                              f"{numbers.vibration.frequency} Hz; accepted in this task: up to {vibration.amplitude} m "
-                              f"at {low:g} to {high:g} Hz")
-        self.controller = make_controller(name, numbers, env.action_repeat * env.task.step_dt)
-        self.command: DoseCommand | None = None
-        """The last command; None before the first."""
-
-    def __call__(self, observation: Any) -> np.ndarray:
-        """Return the next action (8,)."""
-        sight = self._view.look(observation)
-        if self.command is None:
-            dose = self._view.dose
-            self.controller.start(sight.target, accepted_error(sight.target, dose.tolerance_percent, dose.tolerance_g))
-        self.command = self.controller.command(sight)
-        return self._view.act(sight, self.command)
+def held_mass(R: np.ndarray, wrist: np.ndarray) -> float:
+    """Return the mass [kg] of what a tool at rest holds.
+    R: axes of the tool in the world (3, 3). wrist: force [N] and torque in these axes (6,)."""
+    return float((R @ np.asarray(wrist, float)[:3])[2]) / GRAVITY
