@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
 
 from generators.results.measured import ROOT
@@ -94,11 +94,11 @@ def loop(film: Path, out: Path) -> None:
                    method=6)
 
 
-def picture_of_arms(arms: Iterable[str]) -> None:
-    """Draw every arm with its hand while it digs, and without while it pours."""
+def picture_of_arms(arms: Mapping[str, str]) -> None:
+    """Draw every arm with its hand while it digs, and without while it pours, under its name."""
     import mujoco
     import numpy as np
-    from PIL import Image
+    from PIL import Image, ImageDraw
 
     from robosim.config.rehearsal import load_rehearsal
     from robosim.planning.plan import plan_motion
@@ -116,8 +116,12 @@ def picture_of_arms(arms: Iterable[str]) -> None:
             mujoco.mj_forward(scene.model, data)
             rows[-1].append(renderer.draw(data, None, "overview"))
             renderer.close()
-    picture = Image.fromarray(np.concatenate([np.concatenate(row, 1) for row in rows], 0))
-    picture.resize((1440, 528), Image.Resampling.LANCZOS).save(IMAGES / "arms.jpg", quality=84, optimize=True)
+    drawn = Image.fromarray(np.concatenate([np.concatenate(row, 1) for row in rows], 0))
+    picture = drawn.resize((1440, 528), Image.Resampling.LANCZOS)
+    width, pen = picture.width / len(arms), ImageDraw.Draw(picture)
+    for k, name in enumerate(arms.values()):
+        pen.text(((k + 0.5) * width, 12), name, fill="#202428", anchor="ma", font_size=18)
+    picture.save(IMAGES / "arms.jpg", quality=84, optimize=True)
 
 
 def picture_of_page(page: Path, out: Path) -> None:

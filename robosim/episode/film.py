@@ -19,7 +19,7 @@ from robosim.base.progress import Progress
 from robosim.config.scene import RegionConfig
 from robosim.episode import AUTO
 from robosim.episode.cameras import find_camera, make_camera
-from robosim.episode.sheet import choose_moment, find_passages, name_passage
+from robosim.episode.sheet import choose_moment, find_passages, name_dose, name_passage
 from robosim.recordings.appearance import build_appearance
 from robosim.recordings.reader import FILE, Recording, find_recordings
 from robosim.rendering.changes import Changes
@@ -122,10 +122,11 @@ def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) ->
                 writer = writer or stack.enter_context(Mp4Writer(path, fps=rate, comment=choose_renderer(style)))
                 chosen = find_passages(recording)
                 for k, frame in pictures.draw_all(frames):
-                    time = recording.scene(k).time
-                    picture = Image.fromarray(frame)
-                    passed = name_passage(recording, time)
-                    write_caption(picture, f"{recording.header.caption}   {time:5.2f} s   {passed}".strip())
+                    scene, picture = recording.scene(k), Image.fromarray(frame)
+                    names, time = [curve.name for curve in recording.header.curves], scene.time
+                    words = (recording.header.caption, f"{time:5.2f} s", name_passage(recording, time),
+                             name_dose(names, scene.values))
+                    write_caption(picture, "   ".join(filter(None, words)))
                     frame = np.asarray(picture)
                     writer.add(frame)
                     if k in chosen:

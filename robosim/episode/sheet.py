@@ -1,6 +1,7 @@
 """Captions of a film, and the frames on its sheet."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,6 +9,8 @@ from robosim.recordings.reader import Recording
 
 LOAD = "in the tool"
 """Curve of a recording with the mass in the tool; NaN while it digs."""
+DOSED = (("in the cup", "target"), ("poured", "target_mass"))
+"""Curves with the mass of a dose and with its target, of rehearsals and of episodes."""
 SHEET_FRAMES = 9
 """Frames on the sheet."""
 FULL, EMPTYING = 0.95, 0.5
@@ -18,6 +21,13 @@ def name_passage(recording: Recording, time: float) -> str:
     """Return the waypoint that was passed last at a time [s]; empty for a recording without waypoints."""
     before = "grasp" if recording.waypoints else ""
     return next((entry.name for entry in reversed(recording.waypoints) if entry.time <= time), before)
+
+
+def name_dose(names: Sequence[str], values: np.ndarray) -> str:
+    """Return the mass of a dose and its target in words; empty where curves with these values (curves,) have none."""
+    readings = dict(zip(names, values, strict=True))
+    return next((f"{readings[mass]:.2f} of {readings[target]:.2f} g" for mass, target in DOSED
+                 if np.isfinite([readings.get(mass, np.nan), readings.get(target, np.nan)]).all()), "")
 
 
 def choose_frames(loads: np.ndarray, passages: list[tuple[float, str]]) -> list[tuple[int, str]]:

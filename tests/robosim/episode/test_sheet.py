@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.episode.sheet import SHEET_FRAMES, choose_frames
+from robosim.episode.sheet import SHEET_FRAMES, choose_frames, name_dose
 
 TIMES = 0.05 * np.arange(200)
 COUNTS = np.interp(TIMES, [0.0, 4.0, 7.0, 7.5, 10.0], [0.0, 100.0, 100.0, 0.0, 0.0])
@@ -35,3 +35,10 @@ def test_a_tool_that_never_holds_anything_shows_its_waypoints() -> None:
     assert "emptying" not in [name for _, name in choose_frames(kept, [(0.0, "start")])]
     digging = np.column_stack([TIMES, np.full(len(TIMES), np.nan)])
     assert choose_frames(digging, []) == [(0, "start")]
+
+
+def test_a_dose_is_named_with_its_target() -> None:
+    assert name_dose(("return", "in the cup", "target"), np.array([1.0, 4.318, 9.06])) == "4.32 of 9.06 g"
+    assert name_dose(("poured", "target_mass"), np.array([0.0, 60.0])) == "0.00 of 60.00 g"
+    assert name_dose(("poured", "target_mass"), np.array([np.nan, np.nan])) == ""
+    assert name_dose(("delivered",), np.array([50.0])) == ""
