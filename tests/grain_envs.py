@@ -11,7 +11,7 @@ import robosim  # noqa: F401  (registers the environments)
 from robosim.envs.grain_env import GrainEnv
 from robosim.senses.perception import Perception
 from robosim.senses.term import SenseScene
-from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.policies.make import make_policy
 
 
 def make(name: str, **options: Any) -> GrainEnv:

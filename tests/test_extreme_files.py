@@ -33,7 +33,7 @@ from robosim.envs.start import settled_state
 from robosim.planning.recorded_motions import load_motion
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
-from robosim.studies.evaluation.policies import make_policy, training_options
+from robosim.studies.policies.make import make_policy, training_options
 from robosim.studies.verification.report import read_json, read_peers
 from robosim.studies.verification.report_page import add_comparison, draw_peers
 from robosim.tasks.task import load_task

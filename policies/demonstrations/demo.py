@@ -29,7 +29,7 @@ from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 from robosim.base.statistics import bootstrap
 from robosim.episode.play import play
-from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.studies.policies.script import ScriptedPolicy
 
 SCRIPT = "script"
 

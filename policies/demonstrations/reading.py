@@ -9,7 +9,7 @@ import mpm
 from mpm.array_files import read_arrays
 from policies.learning.presets import SEARCH, Preset
 from robosim.episode.play import Transition
-from robosim.studies.evaluation.policies import MAX_REPEAT
+from robosim.studies.policies.make import MAX_REPEAT
 
 MAX_SEED = 2**63 - 1
 """Largest seed: files hold them as 64-bit integers."""

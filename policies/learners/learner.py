@@ -17,7 +17,7 @@ from policies.learners.pulses import HIDDEN
 from policies.learners.soft_actor_critic import EnsembleSAC
 from policies.learners.wrappers import zero_residual
 from policies.learning.presets import Preset
-from robosim.studies.evaluation import PULSED
+from robosim.studies.policies import PULSED
 
 NOISE = 0.1
 """Standard deviation of the noise by which deterministic policies explore (Fujimoto et al. 2018)."""

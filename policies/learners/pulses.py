@@ -8,7 +8,7 @@ import numpy as np
 from robosim.dosing.command import accepted_error
 from robosim.dosing.pulses import CHANGES, LARGEST_MASS, OBSERVED
 from robosim.envs.grain_env import GrainEnv
-from robosim.studies.evaluation.dosing.policy import PulsedDosing
+from robosim.studies.policies.dosing import PulsedDosing
 from robosim.studies.tuning.trial import episode_cost
 from robosim.tasks.counting import TOOL
 

@@ -11,7 +11,7 @@ from torch import nn
 import mpm
 from robosim.envs.grain_env import GrainEnv
 from robosim.senses.grains import GOAL_FRAME
-from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.studies.policies.script import ScriptedPolicy
 
 LENGTH = 0.1
 """Unit of length [m]."""

@@ -10,7 +10,7 @@ import mpm
 from policies.methods.cloning import make_policy, update_policy
 from policies.runs.training import Training
 from robosim.episode.play import play
-from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.studies.policies.script import ScriptedPolicy
 
 
 def aggregate(training: Training) -> None:

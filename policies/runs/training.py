@@ -40,7 +40,7 @@ from robosim.base.progress import Progress
 from robosim.base.provenance import commit
 from robosim.episode.play import Transition, play, read_scores, run_episode
 from robosim.senses.perception import observation_options
-from robosim.studies.evaluation import PULSED
+from robosim.studies.policies import PULSED
 from robosim.tasks.task import load_task
 
 CHECKPOINT_LATEST = 30

@@ -16,7 +16,7 @@ from policies.results.rows import find_stale
 from policies.results.summary import summarise_runs
 from policies.results.tables import collect_rows
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
-from robosim.studies.evaluation import NETWORKS as FOLDERS
+from robosim.studies.policies import NETWORKS as FOLDERS
 
 TRAINED = ROOT / "policies" / "trained"
 NETWORKS = ROOT / "docs" / "results" / "data" / "networks"

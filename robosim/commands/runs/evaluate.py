@@ -8,7 +8,7 @@ from robosim.base.errors import ConfigError
 from robosim.base.resources import config_names, part_names, trained
 from robosim.commands.arguments import one_of, refuse
 from robosim.envs import BUNDLED, is_task_file, task_name
-from robosim.studies.evaluation import NETWORKS, POLICIES, SUITES, check_policy
+from robosim.studies.policies import NETWORKS, POLICIES, SUITES, check_policy
 
 EXAMPLE = """examples:
   robosim evaluate SpoonPour --policy scripted --out out/pour

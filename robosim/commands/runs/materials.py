@@ -6,7 +6,7 @@ from typing import Any
 
 from robosim.commands.arguments import one_of
 from robosim.envs import TASKS, is_task_file
-from robosim.studies.evaluation import POLICIES, check_policy
+from robosim.studies.policies import POLICIES, check_policy
 
 EXAMPLE = """example:
   robosim materials SpoonTranslate ShovelMove --jobs 2 --out out/materials"""

@@ -23,7 +23,7 @@ from robosim.envs.batch import GrainBatch
 from robosim.envs.grain_env import GrainEnv
 from robosim.envs.vector import GrainVectorEnv
 from robosim.episode.play import play
-from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.studies.policies.script import ScriptedPolicy
 from robosim.studies.verification.cases import find
 from robosim.studies.verification.stability.coupled import build_scene
 

@@ -19,7 +19,7 @@ from robosim.planning.recorded_motions import place_target
 from robosim.rehearsal.metrics import compute_figures
 from robosim.rehearsal.run import RehearsalRun
 from robosim.studies.benchmarks.field_profile import FieldProfile
-from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.studies.policies.script import ScriptedPolicy
 from robosim.tasks.task import is_task, load_task
 
 DOSED = ("poured", "spilled", "held")

@@ -16,7 +16,7 @@ from robosim.episode.play import play
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
 from robosim.studies.evaluation.page import make_page, short_name
-from robosim.studies.evaluation.policies import check_task, make_policy, training_options
+from robosim.studies.policies.make import check_task, make_policy, training_options
 from robosim.tasks.task import load_task
 
 RESULTS = ("evaluation.json", "index.html", "episode.mp4", RECORDING)

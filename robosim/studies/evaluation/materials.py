@@ -20,10 +20,10 @@ from robosim.envs import is_task_file, make, task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import Transition, play
 from robosim.randomization.materials import MATERIALS
-from robosim.studies.evaluation import POLICIES, check_policy
-from robosim.studies.evaluation.dosing.view import numbers_of
 from robosim.studies.evaluation.page import make_materials_page
-from robosim.studies.evaluation.policies import bundled_motion, load_policy, make_policy, training_options
+from robosim.studies.policies import POLICIES, check_policy
+from robosim.studies.policies.make import bundled_motion, load_policy, make_policy, training_options
+from robosim.studies.policies.tool_view import numbers_of
 from robosim.tasks.task import load_task
 
 READINGS = ("delivered", "spilled", "collisions")

@@ -26,7 +26,7 @@ from robosim.reports.page import Page
 from robosim.rewards.term import find_term
 from robosim.rewards.tool import Turn
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
-from robosim.studies.evaluation.policies import make_policy, training_options
+from robosim.studies.policies.make import make_policy, training_options
 from robosim.tasks.handover import Load, take_load
 from robosim.viewer.server import embed_html
 

@@ -19,8 +19,8 @@ from robosim.robot.timing import JointState
 from robosim.scene.grains import is_in_tool
 from robosim.senses.perception import Perception
 from robosim.senses.term import SenseScene, Sight
-from robosim.studies.evaluation.network import Network
-from robosim.studies.evaluation.policies import MAX_REPEAT, check_task, load_policy
+from robosim.studies.policies.make import MAX_REPEAT, check_task, load_policy
+from robosim.studies.policies.network import Network
 from robosim.tasks.actions import ActionScaling, move_pose
 from robosim.tasks.task import TaskConfig
 

@@ -19,10 +19,10 @@ from robosim.dosing import CONTROLLERS
 from robosim.envs import is_task_file, task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import play, read_scores
-from robosim.studies.evaluation import KNOWING, POLICIES
 from robosim.studies.evaluation.page import make_suite_page, short_name
-from robosim.studies.evaluation.policies import bundled_motion, check_task, load_policy, make_policy, training_options
-from robosim.studies.evaluation.suites import Start, begin_episode, make_environment, plan_starts
+from robosim.studies.policies import KNOWING, POLICIES
+from robosim.studies.policies.make import bundled_motion, check_task, load_policy, make_policy, training_options
+from robosim.studies.policies.suites import Start, begin_episode, make_environment, plan_starts
 from robosim.tasks.task import TaskConfig, load_task
 
 STILL = "zero"

@@ -18,8 +18,8 @@ from robosim.dosing.pour_curve import FIRST_SHARE, PourCurve
 from robosim.envs import task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import continue_episode
-from robosim.studies.evaluation.dosing.view import ToolView, check_dosing, numbers_of, terms_of
-from robosim.studies.evaluation.suites import Start, make_environment
+from robosim.studies.policies.suites import Start, make_environment
+from robosim.studies.policies.tool_view import ToolView, check_dosing, numbers_of, terms_of
 from robosim.tasks.task import TaskConfig, load_task
 
 STEP_DEG = 2.5

@@ -14,7 +14,7 @@ from robosim.base.provenance import provenance
 from robosim.base.study import Job, Study
 from robosim.dosing.numbers import PI_RATES, DosingNumbers
 from robosim.envs import task_name
-from robosim.studies.evaluation.dosing.view import numbers_of
+from robosim.studies.policies.tool_view import numbers_of
 from robosim.studies.tuning.trial import summarize_doses
 from robosim.tasks.task import load_task
 

@@ -12,9 +12,9 @@ from robosim.dosing.command import accepted_error
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.play import play
-from robosim.studies.evaluation.dosing.policy import DosingPolicy
-from robosim.studies.evaluation.dosing.view import terms_of
-from robosim.studies.evaluation.suites import Start, make_environment
+from robosim.studies.policies.dosing import DosingPolicy
+from robosim.studies.policies.suites import Start, make_environment
+from robosim.studies.policies.tool_view import terms_of
 from robosim.tasks.task import load_task
 
 WORST = 5.0

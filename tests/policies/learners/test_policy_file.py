@@ -6,7 +6,7 @@ import pytest
 from stable_baselines3 import SAC, TD3
 
 from policies.learners.policy_file import export_policy
-from robosim.studies.evaluation.network import Network
+from robosim.studies.policies.network import Network
 
 
 @pytest.mark.parametrize("kind", [SAC, TD3])

@@ -17,9 +17,9 @@ from policies.methods.train import train
 from robosim.dosing.command import accepted_error
 from robosim.dosing.pulses import CHANGES, OBSERVED
 from robosim.episode.play import play
-from robosim.studies.evaluation.dosing.view import terms_of
-from robosim.studies.evaluation.network import Network
-from robosim.studies.evaluation.policies import load_policy, make_policy, training_options
+from robosim.studies.policies.make import load_policy, make_policy, training_options
+from robosim.studies.policies.network import Network
+from robosim.studies.policies.tool_view import terms_of
 from robosim.studies.tuning.trial import episode_cost
 from robosim.tasks.task import load_task
 

@@ -25,7 +25,7 @@ from policies.runs.training import Training
 from robosim.base.resources import config_names
 from robosim.config.settings import Setting
 from robosim.episode.play import play
-from robosim.studies.evaluation.policies import make_policy, training_options
+from robosim.studies.policies.make import make_policy, training_options
 
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
 EPISODES = {"demo": 1}  # episodes of a short run: the one demonstration; 3 of other methods

@@ -12,7 +12,7 @@ import robosim
 from robosim.base.digests import cache_folder
 from robosim.config.materials import load_material, overridden
 from robosim.envs.grain_env import GrainEnv
-from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.policies.make import make_policy
 from robosim.tasks.task import load_task
 
 

@@ -15,7 +15,7 @@ from robosim.envs import BUNDLED, DOSING, TASKS, sub_tasks
 from robosim.envs.grain_env import GrainEnv
 from robosim.scene.grains import grain_volume
 from robosim.shapes import tool_shape
-from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.policies.make import make_policy
 from robosim.tasks.outcome import build_outcome, build_reward
 from robosim.tasks.task import load_task
 

@@ -15,12 +15,13 @@ from robosim.commands.runs.evaluate import check_policy, find_network
 from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
 from robosim.randomization.materials import MATERIALS
-from robosim.studies.evaluation import NETWORKS, suite_run
 from robosim.studies.evaluation import evaluate as one_task
+from robosim.studies.evaluation import suite_run
 from robosim.studies.evaluation.evaluate import evaluate
-from robosim.studies.evaluation.policies import check_task, make_policy
 from robosim.studies.evaluation.suite_run import COMPARED, compared, evaluate_suite, find_policies, normalise
-from robosim.studies.evaluation.suites import plan_starts
+from robosim.studies.policies import NETWORKS
+from robosim.studies.policies.make import check_task, make_policy
+from robosim.studies.policies.suites import plan_starts
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task
 

@@ -12,7 +12,7 @@ from robosim.planning.plan import plan_motion
 from robosim.planning.recorded_motions import place_target
 from robosim.rehearsal.metrics import compute_figures
 from robosim.rehearsal.run import RehearsalRun
-from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.studies.policies.script import ScriptedPolicy
 from robosim.studies.verification.cases.case import Cost, Record, TimedSolver, case, grid, make_record
 from robosim.studies.verification.cases.expectations import Within
 from robosim.tasks.task import load_task

@@ -13,10 +13,10 @@ from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.pi import PiDosing
 from robosim.dosing.pulses import CHANGES, OBSERVED, PulseSight, pulse_factors
 from robosim.envs.grain_env import GrainEnv
-from robosim.studies.evaluation import PULSED
-from robosim.studies.evaluation.dosing.scooping import Scooping
-from robosim.studies.evaluation.dosing.view import ToolView, check_numbers, numbers_of
-from robosim.studies.evaluation.network import Network
+from robosim.studies.policies import PULSED
+from robosim.studies.policies.network import Network
+from robosim.studies.policies.scooping import Scooping
+from robosim.studies.policies.tool_view import ToolView, check_numbers, numbers_of
 
 
 class DosingPolicy:

@@ -6,8 +6,8 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
-from robosim.studies.evaluation.dosing.view import ToolView
-from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.studies.policies.script import ScriptedPolicy
+from robosim.studies.policies.tool_view import ToolView
 from robosim.tasks.actions import rest_action
 
 REST, WEIGHED = 0.6, 0.3

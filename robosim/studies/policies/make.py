@@ -18,10 +18,10 @@ from robosim.envs.grain_env import GrainEnv
 from robosim.senses.perception import Layout, observation_options
 from robosim.senses.senses import valid_terms
 from robosim.senses.term import SenseScene
-from robosim.studies.evaluation import KNOWING, PULSED, check_policy
-from robosim.studies.evaluation.dosing.policy import DosingPolicy, PulsePolicy
-from robosim.studies.evaluation.network import Network
-from robosim.studies.evaluation.script import ScriptedPolicy
+from robosim.studies.policies import KNOWING, PULSED, check_policy
+from robosim.studies.policies.dosing import DosingPolicy, PulsePolicy
+from robosim.studies.policies.network import Network
+from robosim.studies.policies.script import ScriptedPolicy
 from robosim.tasks.actions import rest_action
 from robosim.tasks.task import TaskConfig
 

@@ -13,9 +13,9 @@ from robosim.dosing import CONTROLLERS
 from robosim.dosing.command import DoseCommand
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs.carrier import Carrier
-from robosim.studies.evaluation.dosing.policy import DosingPolicy
-from robosim.studies.evaluation.dosing.view import ToolView, numbers_of, terms_of
-from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.policies.dosing import DosingPolicy
+from robosim.studies.policies.make import make_policy
+from robosim.studies.policies.tool_view import ToolView, numbers_of, terms_of
 from robosim.studies.tuning.curve import given_numbers
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.task import load_task

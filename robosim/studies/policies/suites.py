@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.envs.grain_env import GrainEnv
 from robosim.randomization.materials import MATERIALS
-from robosim.studies.evaluation import SUITES
+from robosim.studies.policies import SUITES
 from robosim.tasks.task import TaskConfig
 
 HELD_OUT = 1_000_000
