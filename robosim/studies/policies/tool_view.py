@@ -12,6 +12,7 @@ from robosim.dosing.command import DoseCommand, DoseSight
 from robosim.dosing.numbers import DosingNumbers, check_tool, load_dosing
 from robosim.envs.grain_env import GrainEnv
 from robosim.shapes import tool_shape
+from robosim.tasks.observation import dose_terms
 from robosim.tasks.sections import DosingConfig, VibrationConfig
 from robosim.tasks.task import TaskConfig
 
@@ -21,7 +22,7 @@ GRAVITY = 9.81
 
 def terms_of(task: TaskConfig) -> tuple[str, ...]:
     """Return the terms of the observation that controllers read: with the balance of a receiver, or with the wrist."""
-    return ("tool", "goal", "time", "wrist" if task.receiver is None else "scale", "target")
+    return tuple(term for term in dose_terms(task) if term != "height_map")
 
 
 def numbers_of(task: TaskConfig, name: str) -> DosingNumbers:
